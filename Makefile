@@ -35,11 +35,11 @@ screenshots: build/setup-test.stamp ## pictures of the console into docs/images 
 
 .PHONY: test
 test: build/setup-test.stamp lint ## everything that must hold, in about ten minutes
-	@$(PYTHON) -m tests.run -n $(WORKERS) --dist worksteal -m "not long"
+	@$(PYTHON) -m tests.runner --workers $(WORKERS)
 
 .PHONY: prove
-prove: build/setup-test.stamp ## the long proofs
-	@$(PYTHON) -m pytest -n $(WORKERS)
+prove: build/setup-test.stamp ## all tests, the long proofs too
+	@$(PYTHON) -m tests.runner --workers $(WORKERS) --long
 
 .PHONY: bench
 bench: build/setup-bench.stamp ## tables of figures, and bench/latest.json (ONLY=name runs one)
@@ -59,6 +59,7 @@ lint: build/setup-test.stamp ## format, linters, strict types, dependency rules
 	@clang-format-14 --dry-run --Werror $(CPP_SOURCES)
 	@$(VENV)/bin/mypy
 	@$(PYTHON) tests/architecture/dependency_rules.py
+	@$(PYTHON) tests/architecture/waiting_rules.py
 	@if [ -e build/page.stamp ]; then cd console && npm run --silent check; fi
 	@echo "lint: format, linters, types and dependency rules hold"
 

@@ -13,9 +13,10 @@ import tempfile
 from pathlib import Path
 from subprocess import CompletedProcess
 
+from tests.waiting import PATIENCE
+
 _FORKS = multiprocessing.get_context("forkserver")
 _FORKS.set_forkserver_preload(["tests.command_loaded"])
-_PATIENCE = 60.0  # seconds
 
 
 def run(*arguments: str, stdin: bytes = b"", cwd: Path | None = None) -> CompletedProcess[str]:
@@ -25,11 +26,11 @@ def run(*arguments: str, stdin: bytes = b"", cwd: Path | None = None) -> Complet
         (folder / "stdin").write_bytes(stdin)
         process = _FORKS.Process(target=_command, args=(arguments, folder, cwd or Path.cwd()))
         process.start()
-        process.join(_PATIENCE)
+        process.join(PATIENCE)
         if process.exitcode is None:
             process.kill()
             process.join()
-            raise TimeoutError(f"wirebond {' '.join(arguments)} did not end within {_PATIENCE} s")
+            raise TimeoutError(f"wirebond {' '.join(arguments)} did not end within {PATIENCE} s")
         out, err = (folder / "stdout").read_text(), (folder / "stderr").read_text()
     assert "Traceback" not in out + err
     return CompletedProcess(["wirebond", *arguments], process.exitcode, out, err)

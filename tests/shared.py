@@ -18,7 +18,6 @@ from wirebond.protocol.planning import ids_collide
 ROOT = Path(__file__).resolve().parents[1]
 PROTOCOLS = ROOT / "protocols"
 VECTORS = ROOT / "tests" / "vectors"
-PATIENCE = 60.0  # seconds: a bound for slow machines, not an expectation
 
 
 def few_or_many(few: int, many: int) -> pytest.MarkDecorator:

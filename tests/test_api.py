@@ -168,6 +168,7 @@ class TestPorts:
         with pytest.raises(wirebond.UsageError, match="the port's name is empty"):
             wirebond.open(DIFFDRIVE, name)
 
+    @pytest.mark.live
     def test_a_zero_byte_does_not_cut_a_name(self) -> None:
         leader, follower = os.openpty()
         try:
@@ -189,6 +190,7 @@ class TestPorts:
             wirebond.open(DIFFDRIVE, "/dev/null")
         assert no_tty.value.errno == errno.ENOTTY
 
+    @pytest.mark.live
     def test_a_busy_port_has_its_number(self) -> None:
         leader, follower = os.openpty()
         try:
@@ -203,6 +205,7 @@ class TestPorts:
             os.close(follower)
 
 
+@pytest.mark.live
 def test_a_command_begins_without_protocol_files_and_links() -> None:
     """Each command pays for what all import, and so does --help."""
     heavy = ("wirebond.link", "wirebond.protocol", "serial")

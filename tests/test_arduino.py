@@ -12,6 +12,8 @@ import pytest
 from tests.shared import PROTOCOLS, ROOT
 from wirebond.cli.main import main as wirebond
 
+pytestmark = pytest.mark.live
+
 BOARDS = ["ESP32", "RP2040", "SAMD"]
 PAGE = (ROOT / "docs" / "firmware.md").read_text(encoding="utf-8")
 # SAMD's stream does not say how much it takes: its sketch says that a write may wait.

@@ -16,6 +16,8 @@ from wirebond.cli.web import web_address
 from wirebond.paths import protocols
 from wirebond.protocol import loads
 
+pytestmark = pytest.mark.live
+
 DIFFDRIVE = protocols() / "diffdrive.yaml"
 HUGE = 10**5000  # Python refuses to write it
 DIGITS = "9" * 5000  # Python refuses to read it

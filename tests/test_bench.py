@@ -26,6 +26,8 @@ from bench.peers.work import Flat
 import wirebond
 from tests.shared import ROOT
 
+pytestmark = pytest.mark.live
+
 LONG = pytest.mark.long
 NO_TABLES = ("servo_bus", "native", "enterprize", "contrib/sphero", "contrib/xbee_api_2")
 

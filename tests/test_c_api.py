@@ -18,6 +18,8 @@ from wirebond.generate.doc.examples import example_values
 from wirebond.protocol.loader import loads
 from wirebond.protocol.model import Field, FieldKind
 
+pytestmark = pytest.mark.live
+
 SHAPES = ROOT / "tests" / "generate" / "code" / "every_shape.yaml"
 TYPES = ROOT / "tests" / "generate" / "code" / "every_type.yaml"
 STRICT = ["-Wall", "-Wextra", "-Werror", "-pedantic"]

@@ -12,6 +12,8 @@ from tests.test_c_api import C_COMPILERS, CPP, CPP_COMPILERS, LONG, QUICK, SANIT
 from wirebond.generate.code import generate_c
 from wirebond.protocol.loader import loads
 
+pytestmark = pytest.mark.live
+
 PROGRAM = ROOT / "tests" / "mcu_link" / "c_header_test.c"
 VERSIONS = ROOT / "tests" / "mcu_link" / "c_version_test.c"
 EVERY_HEADER = ROOT / "tests" / "generate" / "code" / "every_header.yaml"

@@ -13,6 +13,8 @@ from tests.test_c_api import AWKWARD, C_COMPILERS, CPP, CPP_COMPILERS, LONG, QUI
 from wirebond.generate.code import generate_c
 from wirebond.protocol.loader import loads
 
+pytestmark = pytest.mark.live
+
 PROGRAM = ROOT / "tests" / "mcu_link" / "c_link_test.c"
 SIZES = ["-DNATIVE_LINK_COUNT=3", "-DDIFFDRIVE_LINK_RECEIVE_BYTES=64", "-DDIFFDRIVE_LINK_SEND_FRAMES=4"]
 NAMES = ("diffdrive", "native")

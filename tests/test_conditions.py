@@ -65,6 +65,7 @@ def found_by_all(model: Protocol, end: End, stream: bytes, folder: Path) -> list
     return [(m.name, m.raw) for m in messages]
 
 
+@pytest.mark.live
 def test_the_start_byte_of_a_motor_controller_follows_from_the_size(tmp_path: Path) -> None:
     codec = load(FORMATS / "vesc.yaml")
     source = random.Random(1)
@@ -84,6 +85,7 @@ def test_the_start_byte_of_a_motor_controller_follows_from_the_size(tmp_path: Pa
     ]
 
 
+@pytest.mark.live
 def test_a_frame_whose_size_breaks_the_condition_is_refused(tmp_path: Path) -> None:
     codec = load(FORMATS / "vesc.yaml")
     short, good = vesc_packet(b"\x15abc", start=3), codec.encode("print", text="good")
@@ -93,6 +95,7 @@ def test_a_frame_whose_size_breaks_the_condition_is_refused(tmp_path: Path) -> N
     assert "payload size: expected size in 255..65535, found 3" in first.summary
 
 
+@pytest.mark.live
 def test_a_drone_s_three_direction_bytes(tmp_path: Path) -> None:
     codec = load(FORMATS / "msp.yaml")
     assert codec.encode("get_attitude") == bytes.fromhex("24 4D 3C 00 6C 6C")
@@ -108,6 +111,7 @@ def test_a_drone_s_three_direction_bytes(tmp_path: Path) -> None:
         codec.encode("get_attitude", header={"magic": 0x244D21})
 
 
+@pytest.mark.live
 def test_the_second_version_of_the_drone_protocol(tmp_path: Path) -> None:
     codec = load(FORMATS / "msp2.yaml")
     hello = codec.encode("hello", text="Hello flying world", header={"flag": 0xA5})
@@ -115,6 +119,7 @@ def test_the_second_version_of_the_drone_protocol(tmp_path: Path) -> None:
     assert found_by_all(codec.model, End.HOST, hello, tmp_path) == [("hello", hello)]
 
 
+@pytest.mark.live
 def test_ranges_bits_and_sizes_choose_the_parts_at_both_ends(tmp_path: Path) -> None:
     codec = load(FORMATS / "conditions.yaml")
     frames = []
@@ -136,6 +141,7 @@ def test_ranges_bits_and_sizes_choose_the_parts_at_both_ends(tmp_path: Path) -> 
     assert printed_by_cpp(codec.model, calls, tmp_path) == [codec.encode("ask", data=b"").hex()]
 
 
+@pytest.mark.live
 def test_parts_that_only_one_end_sends(tmp_path: Path) -> None:
     codec = load(FORMATS / "by_sender.yaml")
     assert codec.encode("get", index=3)[:5] == bytes.fromhex("A0 01 01 01 03")
@@ -162,6 +168,7 @@ def test_whose_bytes_these_are_must_be_said_where_the_ends_frames_look_alike() -
     assert len(Codec(model).encode("value")) == len(Codec(model).encode("get")) + 1
 
 
+@pytest.mark.live
 def test_with_rest_a_size_only_chooses_what_is_sent(tmp_path: Path) -> None:
     """Both marks are taken with any size; senders use the second one for long payloads."""
     model = protocol(
@@ -183,6 +190,7 @@ def test_with_rest_a_size_only_chooses_what_is_sent(tmp_path: Path) -> None:
     assert found_by_all(model, End.HOST, short, tmp_path) == [("m", short)]
 
 
+@pytest.mark.live
 def test_a_size_counts_before_zeros_are_trimmed(tmp_path: Path) -> None:
     model = protocol(
         "trimmed",
@@ -222,6 +230,7 @@ def test_a_magic_that_is_asked_for_is_sent_or_refused(late: bool) -> None:
         codec.encode("block", data=b"", header={"magic": 0xA3})
 
 
+@pytest.mark.live
 def test_generated_code_sends_the_magic_that_its_header_asks_for(tmp_path: Path) -> None:
     codec = load(FORMATS / "msp.yaml")
     header = "Header header{wirebond::End::mcu}; "
@@ -351,6 +360,7 @@ def test_every_id_of_a_message_needs_a_form() -> None:
         protocol("taken", split % f'"{condition}"', "{m: {id: 0x70..0x90, sender: mcu}}")
 
 
+@pytest.mark.live
 def test_the_id_that_is_sent_chooses_the_form(tmp_path: Path) -> None:
     model = protocol(
         "by_id",

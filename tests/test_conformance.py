@@ -18,6 +18,8 @@ from tests.test_against_reference import FORMATS
 from wirebond import load
 from wirebond.protocol.model import End
 
+pytestmark = pytest.mark.live
+
 # The formats that are compiled in every test run: with the three framings. The others are proofs.
 ALWAYS = {"diffdrive", "enterprize", "native", "brackets", "words"}
 SANITIZED = {"enterprize"}

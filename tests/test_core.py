@@ -8,6 +8,8 @@ import pytest
 
 from tests.shared import ROOT
 
+pytestmark = pytest.mark.live
+
 SYSTEM = "/usr/aarch64-linux-gnu"  # the C library of the cross compiler
 
 optimised = pytest.mark.parametrize("level", ["-O0", pytest.param("-O2", marks=pytest.mark.long)])

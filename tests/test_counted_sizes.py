@@ -105,6 +105,7 @@ def test_engine_reference_and_explanation_agree_however_the_stream_is_cut(sender
     assert refused > 50
 
 
+@pytest.mark.live
 @pytest.mark.parametrize("sender", [End.HOST, End.MCU])
 def test_generated_code_agrees(sender: End, tmp_path: Path) -> None:
     stream = hard_frames(random.Random(5), 300)

@@ -150,6 +150,7 @@ def test_a_typed_module_refuses_it_too(tmp_path: Path) -> None:
         del sys.modules["lines"]
 
 
+@pytest.mark.live
 def test_generated_cpp_refuses_it(tmp_path: Path) -> None:
     generate_cpp(CODEC.model, tmp_path)
     quoted = [", ".join(f'"{t}"' for t in (repr(text)[1:-1] for text in texts)) for texts in (GOOD, ENDING)]
@@ -174,6 +175,7 @@ def c_answers(codec: Codec, program: str, folder: Path) -> str:
     return subprocess.run([folder / "main"], capture_output=True, text=True, check=True).stdout
 
 
+@pytest.mark.live
 def test_generated_c_refuses_it(tmp_path: Path) -> None:
     quoted = [", ".join(f'"{t}"' for t in (repr(text)[1:-1] for text in texts)) for texts in (GOOD, ENDING)]
     answers = c_answers(CODEC, C_PROGRAM.replace("GOODS", quoted[0]).replace("WRONGS", quoted[1]), tmp_path)
@@ -190,6 +192,7 @@ messages:
 """
 
 
+@pytest.mark.live
 def test_generated_cpp_and_c_refuse_a_text_with_its_end_and_take_none_without_it(tmp_path: Path) -> None:
     """It is neither handed over without its last byte nor with it: its violation is counted."""
     raw = Codec(loads(ENDED.replace("FIELD", "raw: {type: bytes, max: 64}")))

@@ -234,6 +234,7 @@ def test_wrong_protocol_files_are_refused_in_the_words_shown(block: Block) -> No
     assert str(refused.value).split("\n") == (block.output or "").splitlines()
 
 
+@pytest.mark.live
 @pytest.mark.parametrize("page", pages_with("python"), ids=by_name)
 @pytest.mark.usefixtures("workspace")
 def test_python_runs(page: Path) -> None:
@@ -260,6 +261,7 @@ def commands(block: Block) -> Iterator[tuple[str, str]]:
             yield command, output
 
 
+@pytest.mark.live
 @pytest.mark.parametrize("page", pages_with("console"), ids=by_name)
 def test_commands_print_what_is_shown(page: Path, workspace: Path) -> None:
     scripts = Path(sys.executable).parent
@@ -309,6 +311,7 @@ def run(*command: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, check=False, capture_output=True, text=True, timeout=600)
 
 
+@pytest.mark.live
 @pytest.mark.parametrize("block", blocks_of("cpp"), ids=by_place)
 def test_cpp_compiles(block: Block, generated: Path, tmp_path: Path) -> None:
     source = tmp_path / "example.cpp"
@@ -332,6 +335,7 @@ def port_folders(block: Block, folder: Path) -> list[str]:
     return [f"-I{part}" for part in (folder, *parts, ROOT / "ports" / "stm32" / "include")]
 
 
+@pytest.mark.live
 @pytest.mark.parametrize("block", blocks_of("c"), ids=by_place)
 def test_c_compiles_and_needs_no_cpp_library(block: Block, generated: Path, tmp_path: Path) -> None:
     source = tmp_path / "example.c"
@@ -393,6 +397,7 @@ def test_files_that_are_named_exist(page: Path) -> None:
     assert [name for name in named if not (ROOT / name).exists() and name != "bench/latest.json"] == []
 
 
+@pytest.mark.live
 def test_no_text_installs_the_package_by_its_name() -> None:
     """It is not published: the name could be anybody's."""
     listed = subprocess.run(["git", "ls-files"], cwd=ROOT, check=True, capture_output=True, text=True).stdout.split()
@@ -449,6 +454,7 @@ def missing_identifiers(text: str, sources: list[str]) -> list[str]:
     return found
 
 
+@pytest.mark.live
 def test_the_tour_names_identifiers_that_exist() -> None:
     text, sources = without_blocks(ROOT / "docs" / "TOUR.md"), tracked_sources()
     assert missing_identifiers(text, sources) == []

@@ -191,6 +191,7 @@ int main() {
 """
 
 
+@pytest.mark.live
 def test_generated_cpp_reads_and_writes_the_same(tmp_path: Path) -> None:
     generate_cpp(CODEC.model, tmp_path)
     (tmp_path / "main.cpp").write_text(PROGRAM)

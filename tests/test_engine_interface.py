@@ -12,6 +12,7 @@ import pytest
 
 import wirebond
 from tests.shared import PROTOCOLS, ROOT
+from tests.waiting import PATIENCE
 from wirebond import engine_interface
 
 OLD_ENGINE = """
@@ -74,9 +75,10 @@ def test_comments_and_functions_of_python_need_none(tmp_path: Path, monkeypatch:
     engine_interface.verify(engine(("other bytes", built)))
 
 
+@pytest.mark.live
 def test_a_command_says_so() -> None:
     arguments = [sys.executable, "-c", OLD_ENGINE, "check", str(PROTOCOLS / "diffdrive.yaml")]
-    ended = subprocess.run(arguments, capture_output=True, text=True, cwd=ROOT, timeout=60, check=False)
+    ended = subprocess.run(arguments, capture_output=True, text=True, cwd=ROOT, timeout=PATIENCE, check=False)
     assert ended.returncode == 1
     assert "run `make setup`" in ended.stderr
     assert "Traceback" not in ended.stderr

@@ -95,6 +95,7 @@ def test_engine_reference_and_explanation_agree_on_broken_constants(number: int)
     assert refused > number // 4
 
 
+@pytest.mark.live
 @pytest.mark.parametrize("run_time", [False, True])
 def test_generated_code_agrees_on_broken_constants(run_time: bool, tmp_path: Path) -> None:
     source = random.Random(8)

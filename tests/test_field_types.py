@@ -376,6 +376,7 @@ def answers(program: Path, payloads: list[tuple[int, bytes]]) -> list[str]:
     return done.stdout.splitlines()
 
 
+@pytest.mark.live
 def test_generated_code_writes_what_the_engine_writes(program: Path) -> None:
     source = random.Random(7)
     messages = SHAPES.model.messages
@@ -387,6 +388,7 @@ def test_generated_code_writes_what_the_engine_writes(program: Path) -> None:
     assert answers(program, payloads) == [f"0 {payload.hex()}" for _, payload in payloads]
 
 
+@pytest.mark.live
 def test_generated_code_and_engine_validate_any_payload_alike(program: Path) -> None:
     source = random.Random(8)
     messages = SHAPES.model.messages

@@ -11,6 +11,8 @@ from tests.conformance.build import run
 from tests.shared import PROTOCOLS, ROOT
 from wirebond.generate.code import generate_cpp
 
+pytestmark = pytest.mark.live
+
 FIRMWARE = ROOT / "firmware"
 FLAGS = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-Wshadow", "-Wconversion", "-O0", "-g1"]
 

@@ -12,6 +12,8 @@ import pytest
 
 from tests.shared import ROOT
 
+pytestmark = pytest.mark.live
+
 HAL = Path(os.environ.get("STM32_HAL_PATH", "/nonexistent"))
 FAMILIES = {"stm32f407": "STM32F4xx", "stm32g473": "STM32G4xx"}
 FIRMWARES = ["echo", "servo", "axis", "rover", "balance", "gimbal"]

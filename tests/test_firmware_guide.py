@@ -14,6 +14,8 @@ from wirebond.cli.main import main as wirebond
 from wirebond.generate.code import generate_c, generate_cpp, port_files_in_c, port_headers, write_files
 from wirebond.protocol.loader import load
 
+pytestmark = pytest.mark.live
+
 PAGES = {name: (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in ("firmware", "c")}
 STRICT = ["-Wall", "-Wextra", "-Werror"]
 TARGET = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"]

@@ -20,6 +20,8 @@ from wirebond.protocol import loads, protocol_hash
 from wirebond.protocol.model import End, Protocol
 from wirebond.sim.virtual_mcu import VirtualMcu
 
+pytestmark = pytest.mark.live
+
 QUICK = ["-O0", "-Wall", "-Wextra", "-Werror"]
 
 

@@ -19,6 +19,8 @@ from wirebond.protocol import loads
 from wirebond.protocol.model import End
 from wirebond.protocol.planning import plan_for
 
+pytestmark = pytest.mark.live
+
 TEXT = """
 wirebond: 1
 protocol: uneven

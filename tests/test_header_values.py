@@ -16,6 +16,8 @@ from wirebond import Codec, Message, MessageError, _engine, load
 from wirebond.protocol.model import End, HeaderField
 from wirebond.protocol.model.forms import header_fields
 
+pytestmark = pytest.mark.live
+
 EVERY_HEADER = ROOT / "tests" / "generate" / "code" / "every_header.yaml"
 FILES = {path.stem: path for path in [*FORMATS.values(), *PROTOCOLS.glob("*.yaml"), EVERY_HEADER]}
 ALWAYS = {"every_header", "servo_bus", "optional", "dynamixel_1"}  # others are proofs

@@ -14,6 +14,8 @@ from wirebond.analysis.explain import Kind, explain
 from wirebond.protocol import loads
 from wirebond.protocol.model import End
 
+pytestmark = pytest.mark.live
+
 FILE = """\
 wirebond: 1
 protocol: widths

@@ -341,6 +341,7 @@ def test_explain_and_doc_say_what_tells_a_message() -> None:
     )
 
 
+@pytest.mark.live
 def test_generated_code_reads_and_writes_the_same_frames(tmp_path: Path) -> None:
     program = build_formats([CODEC.model], {0}, sanitize=True)
     for sender in (End.HOST, End.MCU):

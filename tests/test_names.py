@@ -125,6 +125,7 @@ def test_an_option_is_not_taken_for_the_field_of_its_name() -> None:
     assert codec.encode("NAV_PVT", VALUES, sender="mcu") == codec.encode("NAV_PVT", VALUES)
 
 
+@pytest.mark.live
 def test_a_lease_is_not_taken_for_the_field_of_its_name() -> None:
     with closing(PtyPort()) as port, wirebond.open(Codec(loads(FULL)), port.path) as link:
         given = {name: value for name, value in VALUES.items() if name != "hold"}
@@ -250,6 +251,7 @@ def run(command: list[Any]) -> str:
     return done.stdout
 
 
+@pytest.mark.live
 def test_cpp_and_c_compile_with_them(tmp_path: Path) -> None:
     model = loads(FULL)
     strict = ["-Wall", "-Wextra", "-Werror", "-O0", "-DWIREBOND_INLINE=inline", "-DWIREBOND_INLINE_LAMBDA="]
@@ -317,6 +319,7 @@ int main() {
 """
 
 
+@pytest.mark.live
 def test_messages_may_be_called_as_what_generated_code_has(tmp_path: Path) -> None:
     messages = [
         f"  {name}: {{id: {number}, sender: both, every: 1 s, queue: latest, fields: {{x: {{type: u8}}}}}}"

@@ -38,10 +38,12 @@ def constants(tmp_path_factory: pytest.TempPathFactory) -> list[list[int]]:
     return [[int(word) for word in line.split()] for line in run([str(folder / "main")]).splitlines()]
 
 
+@pytest.mark.live
 def test_the_loader_s_limits_are_the_core_s(constants: list[list[int]]) -> None:
     assert [getattr(plan, f"MAX_{name.upper()}") for name in LIMITS] == constants[0]
 
 
+@pytest.mark.live
 def test_cobs_adds_the_same_at_both_ends(constants: list[list[int]]) -> None:
     assert [cobs_overhead(size) for size in range(3000)] == constants[1]
 
@@ -65,6 +67,7 @@ int main() { std::printf("%u\\n", static_cast<unsigned>(wirebond::stale_after_us
 """
 
 
+@pytest.mark.live
 def test_both_ends_and_every_text_have_one_stale_time(tmp_path: Path) -> None:
     (tmp_path / "main.cpp").write_text(STALE, encoding="utf-8")
     run(["g++", "-std=c++17", f"-I{CORE}", str(tmp_path / "main.cpp"), "-o", str(tmp_path / "main")])
@@ -118,6 +121,7 @@ def form_in_cpp(form: plan.Form) -> str:
     )
 
 
+@pytest.mark.live
 def test_both_ends_agree_on_what_a_length_can_tell(tmp_path: Path) -> None:
     forms = [form_with(length) for length in LENGTHS]
     (tmp_path / "main.cpp").write_text(CARRIES.format(forms=", ".join(map(form_in_cpp, forms)), sizes=SIZES))

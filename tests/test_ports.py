@@ -13,6 +13,8 @@ import pytest
 
 from tests.shared import ROOT
 
+pytestmark = pytest.mark.live
+
 BUILD = ROOT / "build" / "ports"
 HAL = Path(os.environ.get("STM32_HAL_PATH", "/nonexistent"))
 PORTS = ["fake", "bare_metal", "freertos", "gd32_spl", "posix", "stm32_hal", "stm32_hal_registered", "stm32_ll"]

@@ -27,6 +27,8 @@ from wirebond.protocol import loads
 from wirebond.protocol.model import End, FrameFormat, Stuffing
 from wirebond.protocol.model.forms import header_fields
 
+pytestmark = pytest.mark.live
+
 BATCH = 50  # formats in one program
 FOLDED = 25  # one in this many has a deframer of its own, as firmware has: that takes a second to compile
 SENDERS = (None, End.HOST, End.MCU)

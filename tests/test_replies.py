@@ -17,6 +17,8 @@ from wirebond import UsageError, load
 from wirebond.generate.code import generate_cpp
 from wirebond.protocol.model import End
 
+pytestmark = pytest.mark.live
+
 FORMATS = {name: ROOT / "tests" / "formats" / f"{name}.yaml" for name in ("by_request", "shared_ids")}
 
 

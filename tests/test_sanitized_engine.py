@@ -16,6 +16,8 @@ import pytest
 
 from tests.shared import ROOT
 
+pytestmark = pytest.mark.live
+
 BUILD = ROOT / "build" / "sanitized"
 REPORT = BUILD / "report"  # and behind it a process's number
 COMPILER = "clang++-14"  # it builds them in half of the time that GCC takes

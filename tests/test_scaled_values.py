@@ -99,6 +99,7 @@ def ends(tmp_path_factory: pytest.TempPathFactory) -> tuple[Codec, list[Message]
     return codec, messages, answers.jobs[0]
 
 
+@pytest.mark.live
 @pytest.mark.parametrize("number", range(len(ALL)), ids=ALL)
 def test_both_ends_read_and_write_the_same_value(ends: tuple[Codec, list[Message], Answer], number: int) -> None:
     codec, messages, answer = ends
@@ -109,6 +110,7 @@ def test_both_ends_read_and_write_the_same_value(ends: tuple[Codec, list[Message
         assert not fault, f"{message.payload.hex()}: {fault}"
 
 
+@pytest.mark.live
 @pytest.mark.parametrize("number", [n for n, field in enumerate(FIELDS) if "bits:" not in field])
 def test_the_engine_gives_the_double_nearest_to_the_exact_value(
     ends: tuple[Codec, list[Message], Answer], number: int
@@ -142,6 +144,7 @@ def wire_numbers(field: Field, payload: bytes) -> list[int]:
     return [raw - 2 * top if raw & top else raw for raw in raws]
 
 
+@pytest.mark.live
 def test_columns_hold_what_single_messages_hold(ends: tuple[Codec, list[Message], Answer]) -> None:
     codec, messages, _ = ends
     columns = codec.decode_columns(b"".join(message.raw for message in messages), sender="mcu")
@@ -156,6 +159,7 @@ def test_columns_hold_what_single_messages_hold(ends: tuple[Codec, list[Message]
             assert str(found) == str(single), text  # as text: NaN is NaN, and -0.0 is not 0.0
 
 
+@pytest.mark.live
 def test_explain_reads_what_the_engine_reads(ends: tuple[Codec, list[Message], Answer]) -> None:
     codec, messages, _ = ends
     for message in messages:

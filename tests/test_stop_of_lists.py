@@ -12,10 +12,11 @@ import pytest
 
 import wirebond
 from tests.command import run as command
-from tests.server.conftest import Served, wait_until
+from tests.server.conftest import Served
 from tests.server.test_clients import json_client
 from tests.shared import ROOT
 from tests.test_c_api import CPP, QUICK, SANITIZE, STRICT, run
+from tests.waiting import wait_until
 from wirebond.cli.main import main
 from wirebond.console.protocol_form import protocol_form
 from wirebond.generate.code import generate_c, generate_cpp
@@ -27,6 +28,8 @@ from wirebond.ros2.commands import Commands
 from wirebond.server import Server
 from wirebond.sim.pty_port import PtyPort
 from wirebond.sim.virtual_mcu import VirtualMcu
+
+pytestmark = pytest.mark.live
 
 FILE = ROOT / "tests" / "legs.yaml"
 LEGS = wirebond.load(FILE)

@@ -197,6 +197,7 @@ def test_engine_and_reference_agree_however_the_stream_is_cut(sender: End) -> No
     assert {"two_counts", "in_bits"} <= names
 
 
+@pytest.mark.live
 def test_generated_code_agrees(tmp_path: Path) -> None:
     stream = hard_frames(random.Random(5), 300)
     file = tmp_path / "stream.bin"

@@ -17,7 +17,7 @@ import pytest
 from tests.shared import ROOT
 from wirebond.generate.code import PORTS, PORTS_IN_C
 
-pytestmark = pytest.mark.long  # it compiles the engine
+pytestmark = [pytest.mark.live, pytest.mark.long]
 
 PAGE = ROOT / "python" / "src" / "wirebond" / "console" / "page"  # there where Node was, which built it
 

@@ -11,9 +11,12 @@ from pathlib import Path
 
 import pytest
 
+from tests.waiting import PATIENCE
 from wirebond import UsageError
 from wirebond.generate.new.write import write_new
 from wirebond.whole_file import write_whole
+
+pytestmark = pytest.mark.live
 
 FULL = """
 import resource, signal, sys
@@ -30,7 +33,7 @@ HEADER = "".join(f"typedef struct __attribute__((packed)) {{ unsigned char a; }}
 def limited(*arguments: str) -> subprocess.CompletedProcess[str]:
     """The command, on a system where no file may grow beyond 1000 bytes: as on a full disk, a write fails half-way."""
     return subprocess.run(
-        [sys.executable, "-c", FULL, *arguments], capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-c", FULL, *arguments], capture_output=True, text=True, timeout=PATIENCE, check=False
     )
 
 

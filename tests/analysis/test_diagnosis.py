@@ -6,7 +6,6 @@ import io
 import itertools
 import json
 import random
-import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Any, cast
 import pytest
 from rich.console import Console
 from tests.shared import PROTOCOLS, codec
+from tests.waiting import wait_until
 
 import wirebond
 from wirebond import Codec, load
@@ -285,6 +285,7 @@ def test_a_live_diagnosis_stays_until_two_looks_find_nothing(monkeypatch: pytest
     assert told == [1, None, None, None, 0, 1]
 
 
+@pytest.mark.live
 def test_the_table_of_monitor_shows_the_current_diagnosis(monkeypatch: pytest.MonkeyPatch) -> None:
     of = codec("diffdrive")
     source = random.Random("table")
@@ -319,6 +320,7 @@ def bytes_heard(data: bytes, sent: tuple[float, Parity], heard: tuple[float, Par
     return len(misread(data + end, sent, heard, [len(data)])) - len(misread(end, sent, heard))
 
 
+@pytest.mark.live
 @pytest.mark.parametrize(("own", "rate", "line", "kind"), [
     ("8N1", 57600, "8N1", Kind.BAUD),
     ("8E1", 115200, "8N1", Kind.PARITY),
@@ -335,14 +337,13 @@ def test_wrong_settings_of_an_mcu_are_named_behind_a_wire(own: str, rate: int, l
         for frame in frames:
             mcu.write(frame)
             due += bytes_heard(frame, (rate, parity_of(line)), (115200, parity_of(own)))
-            end = time.monotonic() + 20
-            while link.stats.receive.bytes < due:  # then the line rests, and the next frame is heard from its start
-                assert time.monotonic() < end
-                time.sleep(0.0003)
+            # Then the line rests, and the next frame is heard from its start.
+            wait_until(lambda due=due: link.stats.receive.bytes >= due, "all bytes")
         assert link.stats.receive.bytes == due
         assert [one.kind for one in wirebond.diagnose(link)] == ([] if kind is None else [kind])
 
 
+@pytest.mark.live
 def test_monitor_tells_live_as_json_what_is_wrong(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -364,9 +365,11 @@ def test_monitor_tells_live_as_json_what_is_wrong(
 def open_and_hear(port: PtyPort, data: bytes, *arguments: Any, **options: Any) -> wirebond.Link:
     link = open_link(*arguments, **options)
     port.write(data)
+    wait_until(lambda: link.stats.receive.bytes >= len(data), "all bytes")
     return link
 
 
+@pytest.mark.live
 def test_monitor_says_what_is_wrong_and_is_quiet_else(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -377,10 +380,7 @@ def test_monitor_says_what_is_wrong_and_is_quiet_else(
         port = PtyPort()
         with wirebond.open(of, port.path) as link:
             port.write(data)
-            end = time.monotonic() + 20
-            while link.stats.receive.bytes < len(data):
-                assert time.monotonic() < end
-                link.receive(0.01)
+            wait_until(lambda data=data: link.stats.receive.bytes >= len(data), "all bytes")
             assert [word in one.sentence for one in wirebond.diagnose(link)] == [True] * bool(word)
         with monkeypatch.context() as patched:
             patched.setattr("wirebond.cli.commands.live.open_link", partial(open_and_hear, port, data))

@@ -248,6 +248,7 @@ def pty() -> Iterator[PtyPort]:
     port.close()
 
 
+@pytest.mark.live
 def test_a_port_is_identified(pty: PtyPort, capsys: pytest.CaptureFixture[str]) -> None:
     data = stream("ubx", random.Random("port"), End.MCU)
     ends = threading.Event()
@@ -268,6 +269,7 @@ def test_a_port_is_identified(pty: PtyPort, capsys: pytest.CaptureFixture[str]) 
     assert len(told["settings_tried"]) == 1
 
 
+@pytest.mark.live
 def test_a_silent_port_is_said_to_be_silent(pty: PtyPort, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["identify", pty.path, "--baud", "9600", "--seconds", "0.05"]) == 1
     assert "No byte came" in " ".join(capsys.readouterr().err.split())
@@ -276,6 +278,7 @@ def test_a_silent_port_is_said_to_be_silent(pty: PtyPort, capsys: pytest.Capture
     assert main(["identify", "--hex", "00", "--baud", "9600"]) == 2
 
 
+@pytest.mark.live
 def test_ctrl_c_shows_the_best_so_far(
     pty: PtyPort, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

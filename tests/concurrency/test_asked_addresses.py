@@ -12,6 +12,8 @@ from tests.shared import PROTOCOLS
 from wirebond.generate.code import generate_cpp
 from wirebond.protocol.loader import load
 
+pytestmark = pytest.mark.live
+
 
 @pytest.mark.parametrize(
     ("name", "flags"),

@@ -19,6 +19,8 @@ from tests.shared import ROOT
 from wirebond.generate.code import generate_cpp
 from wirebond.protocol.loader import load
 
+pytestmark = pytest.mark.live
+
 SITES = ("offers", "takes", "rests")
 
 

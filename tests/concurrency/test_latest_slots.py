@@ -14,6 +14,8 @@ import pytest
 
 from tests.concurrency.build import HERE, RELACY, build
 
+pytestmark = pytest.mark.live
+
 SITES = ("takes", "commits", "abandons", "sends", "frees")
 
 

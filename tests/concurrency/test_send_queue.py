@@ -23,6 +23,8 @@ import pytest
 
 from tests.concurrency.build import HERE, RELACY, SANITIZE, THREAD_SANITIZE, build, stress
 
+pytestmark = pytest.mark.live
+
 SITES = ("opens", "closes", "looks", "frees", "finds", "gives_back", "takes")
 MAIN = "../../core/tests/main.cpp"
 

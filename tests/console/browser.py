@@ -19,7 +19,8 @@ from typing import Any
 from playwright.sync_api import Browser, Page, Playwright, WebSocketRoute, expect
 
 import wirebond
-from tests.shared import PATIENCE, PROTOCOLS, ROOT
+from tests.shared import PROTOCOLS, ROOT
+from tests.waiting import PATIENCE, moments, rounds_for, wait_until
 from wirebond.console import Console, Options
 from wirebond.server import Server
 from wirebond.sim.pty_port import PtyPort
@@ -102,16 +103,17 @@ class Robot:
                 self.velocities.append(Velocity(*map(float, found.groups())))
             self._cleared += line.startswith("cleared")
 
+    def since(self, t: float) -> list[Velocity]:
+        """The velocities that came after this time of `time.monotonic`."""
+        return [velocity for velocity in self.velocities if velocity.t > t]
+
     def wait_for(self, fits: Callable[[Velocity], object], since: float) -> Velocity:
         """The first velocity behind ``since`` that fits."""
-        found: list[Velocity] = []
-
-        def came() -> bool:
-            found[:] = [v for v in self.velocities if v.t > since and fits(v)]
-            return bool(found)
-
-        wait_until(came, "a velocity at the robot")
-        return found[0]
+        for _ in moments(lambda: f"a velocity at the robot; since then came {self.since(since)[-5:]}"):
+            for velocity in self.since(since):
+                if fits(velocity):
+                    return velocity
+        raise AssertionError
 
 
 @dataclass
@@ -148,19 +150,20 @@ class Desk:
         again.
         """
         control = page.get_by_text("You are in control")
-        since = time.monotonic()
-        for _ in range(10):
+        for _ in moments("the robot moves"):
             self.robot.ready(self.link)
             if not control.is_visible():
                 take_control(page)
             page.get_by_role("application").focus()
             page.keyboard.up("ArrowUp")
+            since = time.monotonic()
             page.keyboard.down("ArrowUp")
-            end = time.monotonic() + 2
-            while time.monotonic() < end and control.is_visible():
-                if moving := [v for v in self.robot.velocities if v.t > since and v.linear > 0]:
+            for _ in rounds_for(2):
+                if not control.is_visible():
+                    break
+                if moving := [v for v in self.robot.since(since) if v.linear > 0]:
                     return moving[0]
-        raise AssertionError("the robot does not move")
+        raise AssertionError
 
 
 def open_page(
@@ -239,7 +242,7 @@ def robot_frames(damaged: int = 0, first: int = 0, file: Path = DIFFDRIVE) -> It
         yield pty.path
     finally:
         ends.set()
-        thread.join()
+        thread.join(PATIENCE)
         pty.close()
 
 
@@ -292,9 +295,9 @@ def take_control(page: Page) -> None:
     """Take control. A press may have no effect, because this machine is busy and the press came late, but then the page
     must say so; only then it is pressed again."""
     ours, notices = page.get_by_text("You are in control"), page.locator(".notice")
-    end = time.monotonic() + PATIENCE
-    while not ours.is_visible():
-        assert time.monotonic() < end, notices.all_inner_texts()
+    for _ in moments(lambda: f"control; the page says {notices.all_inner_texts()}"):
+        if ours.is_visible():
+            break
         while notices.count():
             notices.first.get_by_role("button").click()
         page.locator("header").get_by_role("button", name="Take control").click()
@@ -308,13 +311,6 @@ def shows_the_robot(page: Page) -> None:
 def close_tabs(browser: Browser) -> None:
     for context in browser.contexts:
         context.close()
-
-
-def wait_until(holds: Callable[[], object], what: str) -> None:
-    end = time.monotonic() + PATIENCE
-    while not holds():
-        assert time.monotonic() < end, what
-        time.sleep(0.005)
 
 
 def serious(page: Page) -> list[str]:

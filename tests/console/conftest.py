@@ -21,7 +21,9 @@ from websockets.sync.client import ClientConnection, connect
 
 import wirebond
 from tests.console import browser as browsers
-from tests.shared import PATIENCE, ROOT, codec
+from tests.server.conftest import be_patient
+from tests.shared import ROOT, codec
+from tests.waiting import PATIENCE, moments, rounds_for, wait_until
 from wirebond.console import Console
 from wirebond.server import Server
 from wirebond.sim.pty_port import PtyPort
@@ -48,7 +50,7 @@ class Desk:
     def web(self, path: str, origin: Any = None) -> Iterator[ClientConnection]:
         """A WebSocket to this path."""
         address = f"ws://{self.host}{path}"
-        with connect(address, origin=origin, compression=None, max_size=None, close_timeout=1) as socket:
+        with connect(address, origin=origin, compression=None, max_size=None, close_timeout=PATIENCE) as socket:
             yield socket
 
     def ask(
@@ -83,18 +85,36 @@ class Desk:
             say(socket, {"token": self.token, "views": views})
             yield socket
 
+    def __post_init__(self) -> None:
+        self._decoder = self.codec.decoder("host")
+
     def send(self, message: str, **fields: Any) -> None:
         """The MCU sends a message."""
         self.pty.write(self.codec.encode(message, **fields))
 
     def sent(self, wait: float = 0.0) -> list[wirebond.Message]:
-        """What left at the port since the last call."""
-        decoder = self.codec.decoder("host")
-        end = time.monotonic() + wait
-        found = decoder.feed(self.pty.read(0))
-        while time.monotonic() < end:
-            found += decoder.feed(self.pty.read(0.005), time.monotonic())
-        return found
+        """What left at the port since the last call: all that the link has accepted by now, and what comes in
+        ``wait`` seconds."""
+        found: list[wirebond.Message] = []
+        for _ in rounds_for(wait):
+            found += self._decoder.feed(self.pty.read(0.002), time.monotonic())
+        for _ in moments("what the link has accepted does not leave"):
+            stats = self.link.stats.send
+            if not stats.queued and self._decoder.stats.frames >= stats.sent:
+                return found
+            found += self._decoder.feed(self.pty.read(0.002), time.monotonic())
+        raise AssertionError
+
+
+@pytest.fixture
+def real_ages() -> None:
+    """For tests of what is late or silent: the times of the product."""
+
+
+@pytest.fixture(autouse=True)
+def ages(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    if "real_ages" not in request.fixturenames:
+        be_patient(monkeypatch)
 
 
 @pytest.fixture(scope="module")
@@ -173,24 +193,17 @@ def pytest_runtest_teardown(item: pytest.Function) -> None:
             page.screenshot(path=PICTURES / name, timeout=2000)
 
 
-def wait_until(holds: Callable[[], object], what: str = "it") -> None:
-    end = time.monotonic() + PATIENCE
-    while not holds():
-        assert time.monotonic() < end, what
-        time.sleep(0.002)
-
-
 def say(socket: ClientConnection, value: Any) -> None:
     socket.send(json.dumps(value))
 
 
 def hear(socket: ClientConnection, fits: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
     """The next message in text that fits."""
-    end = time.monotonic() + PATIENCE
-    while True:
-        said = socket.recv(timeout=max(end - time.monotonic(), 0.001))
+    for _ in moments("the message that the test waits for"):
+        said = socket.recv(timeout=PATIENCE)
         if isinstance(said, str) and fits(found := json.loads(said)):
             return found
+    raise AssertionError
 
 
 def view(socket: ClientConnection, name: str, fits: Callable[[dict[str, Any]], object] = bool) -> dict[str, Any]:

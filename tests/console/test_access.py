@@ -10,11 +10,13 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from tests.console.conftest import Desk, hear, make_desk, say
-from tests.shared import PATIENCE
+from tests.waiting import PATIENCE
 from wirebond.console import Console
 from wirebond.console.guard import Guard
 from wirebond.errors import PortError, UsageError
 from wirebond.link.attached.kept_token import kept_token
+
+pytestmark = pytest.mark.live
 
 TOKEN = "to-k_en.~9"
 

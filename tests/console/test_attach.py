@@ -12,10 +12,12 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 
 import wirebond
-from tests.console.conftest import Desk, hear, say, wait_until
-from tests.shared import PATIENCE
+from tests.console.conftest import Desk, hear, say
+from tests.waiting import PATIENCE, wait_until
 from wirebond.console import attach_socket
 from wirebond.link.attached import words
+
+pytestmark = pytest.mark.live
 
 SAFE = {"linear": 0.0, "angular": 0.0}
 
@@ -46,6 +48,7 @@ def over_web(desk: Desk, requests: list[dict[str, Any]]) -> list[dict[str, Any]]
     return answers
 
 
+@pytest.mark.usefixtures("real_ages")
 def test_the_answers_are_those_of_the_unix_socket(desk: Desk) -> None:
     asked: list[dict[str, Any]] = [
         {"do": "attach", "messages": "none", "name": "a"},
@@ -110,11 +113,9 @@ def drive(desk: Desk, socket: Any) -> int:
     say(socket, {"do": "take", "id": 2})
     assert "ok" in hear(socket, lambda said: said.get("re") == 2)
     fields = {"linear": 1.0, "angular": 0.0}
-    say(socket, {"do": "repeat", "id": 3, "message": "velocity", "fields": fields, "tick": tick, "hold": 5.0})
+    say(socket, {"do": "repeat", "id": 3, "message": "velocity", "fields": fields, "tick": tick, "hold": 60.0})
     assert "ok" in hear(socket, lambda said: said.get("re") == 3)
-    end = time.monotonic() + PATIENCE
-    while not any(message.fields == fields for message in desk.sent(0.01)):
-        assert time.monotonic() < end
+    wait_until(lambda: any(message.fields == fields for message in desk.sent()), "the command leaves")
     return int(tick)
 
 
@@ -122,6 +123,8 @@ def last_velocity(messages: list[wirebond.Message]) -> dict[str, Any]:
     return dict([m for m in messages if m.name == "velocity"][-1].fields)
 
 
+@pytest.mark.timed(tolerance=0.03)
+@pytest.mark.usefixtures("real_ages")
 def test_a_page_that_falls_silent_stops_the_robot_within_350_ms(desk: Desk) -> None:
     """Its packets are dropped without a close: nothing comes any more, and the connection stays."""
     with desk.attach(name="page") as socket:
@@ -130,9 +133,7 @@ def test_a_page_that_falls_silent_stops_the_robot_within_350_ms(desk: Desk) -> N
         say(socket, {"do": "beat", "tick": tick})
         beat = time.monotonic()
         sent = desk.sent(0.2)
-        while last_velocity(sent) != SAFE:
-            sent += desk.sent(0.002)
-            assert time.monotonic() < beat + PATIENCE
+        wait_until(lambda: last_velocity(sent) == SAFE or sent.extend(desk.sent()), "the safe value")
         stopped = next(m.t for m in sent if m.name == "velocity" and m.fields == SAFE)
         assert stopped - beat <= 0.35
         assert desk.server.holder is None
@@ -142,13 +143,9 @@ def test_a_page_that_is_closed_stops_the_robot_at_once(desk: Desk) -> None:
     with desk.attach(name="page") as socket:
         drive(desk, socket)
         assert desk.server.holder == "page"
-    end = time.monotonic() + PATIENCE
-    while desk.server.holder is not None:
-        assert time.monotonic() < end
+    wait_until(lambda: desk.server.holder is None, "control ends")
     sent = desk.sent(0.05)
-    while not sent or last_velocity(sent) != SAFE:
-        sent += desk.sent(0.01)
-        assert time.monotonic() < end
+    wait_until(lambda: (sent and last_velocity(sent) == SAFE) or sent.extend(desk.sent()), "the safe value")
 
 
 def test_two_pages_have_one_control_between_them(desk: Desk) -> None:

@@ -14,12 +14,15 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 
 from tests.console.conftest import Desk, hear, say, view
-from tests.shared import PATIENCE, ROOT, codec
+from tests.shared import ROOT, codec
+from tests.waiting import PATIENCE
 from wirebond.cli.main import main
 from wirebond.cli.web import with_web_address
 from wirebond.console import Console, Options
 from wirebond.protocol import loads
 from wirebond.sim.pty_port import PtyPort
+
+pytestmark = pytest.mark.live
 
 COMMAND = [sys.executable, "-c", "from wirebond.cli.start import main; main()"]
 DIFFDRIVE = ROOT / "protocols" / "diffdrive.yaml"

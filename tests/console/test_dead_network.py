@@ -9,10 +9,12 @@ from contextlib import contextmanager
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.console.browser import Desk, desk, shows_the_robot, take_control, wait_until
+from tests.console.browser import Desk, desk, shows_the_robot, take_control
 from tests.relay import Relay
+from tests.waiting import moments, wait_until
 from wirebond.chinese import chinese
 
+pytestmark = [pytest.mark.live, pytest.mark.usefixtures("real_ages")]
 UNCONFIRMED = "STOP sent, not confirmed, trying again"
 
 
@@ -75,7 +77,7 @@ def test_a_page_on_a_dead_network_says_so_and_its_stop_arrives_when_the_network_
 def test_a_stop_into_a_silent_connection_is_not_called_done(rover: Desk) -> None:
     with behind_a_network(rover, "link") as (page, relay):
         said = page.get_by_role("alert")
-        for _ in range(20):
+        for _ in moments("a stop into a connection that seems to live"):
             relay.drops.set()
             page.keyboard.press(" ")
             expect(said).to_contain_text(re.compile("STOP (sent, not confirmed|not sent yet), trying again"))

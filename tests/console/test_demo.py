@@ -6,11 +6,15 @@ import threading
 import time
 from typing import cast
 
+import pytest
+
 import wirebond
 from tests.console.conftest import Desk
-from tests.shared import PATIENCE
+from tests.waiting import PATIENCE, wait_until
 from wirebond.cli.commands.demo_console import drive
 from wirebond.sim.rover import RoverProcess
+
+pytestmark = pytest.mark.live
 
 
 class NoRover:
@@ -51,9 +55,10 @@ def test_the_drive_goes_on_after_a_silence_and_ends_where_a_person_takes_control
     heard = desk.codec.decoder("host")
 
     def wait_for_speed(linear: float) -> None:
-        end = time.monotonic() + PATIENCE
-        while not any(m.name == "velocity" and m["linear"] == linear for m in heard.feed(desk.pty.read(0.05))):
-            assert time.monotonic() < end, linear
+        wait_until(
+            lambda: any(m.name == "velocity" and m["linear"] == linear for m in heard.feed(desk.pty.read(0.05))),
+            f"velocity {linear}",
+        )
 
     address = f"wirebond://{desk.server.path}"
     with wirebond.open(desk.codec, address) as link, wirebond.open(desk.codec, address) as person:

@@ -19,6 +19,10 @@ from bench.console_page import FEEDER, LAYOUT, PROTOCOL
 from playwright.sync_api import Browser, Page
 from websockets.sync.client import connect
 
+from tests.waiting import PATIENCE
+
+pytestmark = pytest.mark.live
+
 SERVER_MAY_GROW = 8 << 20  # bytes, by what is not history
 PAGE_MAY_GROW = 2 << 20  # bytes of live objects
 RATE = 8000
@@ -61,7 +65,7 @@ def look(server: int, address: str, page: Page) -> Look:
     parts = urlsplit(address)
     with connect(f"ws://{parts.netloc}/views", compression=None) as socket:
         socket.send(json.dumps({"token": parts.fragment.removeprefix("token="), "views": {"link": True}}))
-        while (said := json.loads(socket.recv(timeout=20))).get("view") != "link":
+        while (said := json.loads(socket.recv(timeout=PATIENCE))).get("view") != "link":
             pass
     status = Path(f"/proc/{server}/status").read_text()
     resident = int(re.findall(r"VmRSS:\s+(\d+) kB", status)[0]) << 10

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import re
 
+import pytest
 from playwright.sync_api import Page, expect
 
 from tests.console.browser import Desk, shows_the_robot
 from wirebond.chinese import chinese
+
+pytestmark = pytest.mark.live
 
 
 def in_chinese(rover: Desk, view: str) -> Page:

@@ -11,6 +11,8 @@ from playwright.sync_api import Browser, Page, expect
 from tests.console.browser import close_tabs, open_page, serious, undescribed_device
 from wirebond.console import Console
 
+pytestmark = pytest.mark.live
+
 HEADER = """#include <stdint.h>
 #pragma pack(1)
 typedef struct { int16_t left; int16_t right; } wheels_t;

@@ -15,6 +15,8 @@ from tests.shared import PROTOCOLS
 from wirebond.console import Console, Options
 from wirebond.server import Server
 
+pytestmark = pytest.mark.live
+
 GOOD = (PROTOCOLS / "diffdrive.yaml").read_text(encoding="utf-8")
 BEFORE = GOOD[: GOOD.index("id: u8")]
 LINE, COLUMN = BEFORE.count("\n") + 1, len(BEFORE.rpartition("\n")[2]) + len("id: ") + 1  # of the type

@@ -5,8 +5,11 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.console.browser import VIEWS, Desk, open_page, serious, undescribed_device, wait_until
+from tests.console.browser import VIEWS, Desk, open_page, serious, undescribed_device
 from tests.console.screenshots import without_port
+from tests.waiting import wait_until
+
+pytestmark = pytest.mark.live
 
 # Everything that a mouse can press, and the part of it that the focus has come to.
 _CONTROLS = """() => [...document.querySelectorAll('button, input, select, textarea, a[href], [tabindex="0"]')]

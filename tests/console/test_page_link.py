@@ -11,11 +11,14 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 import wirebond
-from tests.console.browser import Robot, noisy_robot, open_page, shows_the_robot, wait_until, with_told
+from tests.console.browser import Robot, noisy_robot, open_page, shows_the_robot, with_told
 from tests.shared import PROTOCOLS, codec
+from tests.waiting import wait_until
 from wirebond.console import Console, Options
 from wirebond.server import Server
 from wirebond.sim.pty_port import PtyPort
+
+pytestmark = pytest.mark.live
 
 DIFFDRIVE = PROTOCOLS / "diffdrive.yaml"
 

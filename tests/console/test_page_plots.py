@@ -10,7 +10,10 @@ import pytest
 from bench.console_scrub import HOUR, PEAK, look
 from playwright.sync_api import Browser, Page, expect
 
-from tests.console.browser import DIFFDRIVE, Desk, noisy_robot, open_page, wait_until
+from tests.console.browser import DIFFDRIVE, Desk, noisy_robot, open_page
+from tests.waiting import wait_until
+
+pytestmark = pytest.mark.live
 
 # The plot follows the pointer from picture to picture.
 _DRAWN = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"

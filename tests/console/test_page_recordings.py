@@ -5,10 +5,14 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
 from playwright.sync_api import expect
 
 import wirebond
-from tests.console.browser import Desk, serious, wait_until
+from tests.console.browser import Desk, serious
+from tests.waiting import wait_until
+
+pytestmark = pytest.mark.live
 
 
 def cut_short(rover: Desk) -> Path:

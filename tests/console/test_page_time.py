@@ -12,7 +12,10 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 import wirebond
-from tests.console.browser import Desk, desk, serious, wait_until
+from tests.console.browser import Desk, desk, serious
+from tests.waiting import wait_until
+
+pytestmark = pytest.mark.live
 
 
 @pytest.fixture(scope="module")

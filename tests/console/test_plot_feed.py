@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from tests.console.conftest import read_batch
 from tests.shared import codec
@@ -10,6 +11,8 @@ from wirebond.console.plots import PlotFeed
 from wirebond.console.wants import Plot
 from wirebond.protocol.model import End
 from wirebond.recording.history.source import Source
+
+pytestmark = pytest.mark.live
 
 
 class Client:

@@ -14,6 +14,8 @@ from wirebond.protocol import loads
 from wirebond.protocol.model import End
 from wirebond.recording.history.source import Source
 
+pytestmark = pytest.mark.live
+
 FILES = ["diffdrive", "native", "servo_bus", "contrib/dynamixel_2", "contrib/robomaster_referee"]
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import random
-import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable
@@ -15,7 +14,10 @@ from playwright.sync_api import Browser, Error, Page
 
 from tests.console.browser import VIEWS, Robot, open_page, request_to
 from tests.shared import PROTOCOLS
+from tests.waiting import rounds_for
 from wirebond.console import Console, Options
+
+pytestmark = pytest.mark.live
 
 SELECTIONS = ("", "?message=mcu:odometry", "?message=host:velocity", "?message=nothing", "?message=parameter")
 SIZES = ((300, 200), (390, 844), (800, 500), (1280, 720), (1920, 1080))
@@ -42,8 +44,7 @@ def test_a_random_walk_finds_no_error_of_the_page(
                 lambda: _post(console, "disconnect", {"over": True}),
                 *[lambda: _connect(console, robot, chance)] * 2,
             ]
-            end = time.monotonic() + 40
-            while time.monotonic() < end:
+            for _ in rounds_for(40):
                 chance.choice(steps)()
                 assert problems == []
     finally:

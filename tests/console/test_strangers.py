@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import logging
 import socket
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -13,10 +12,12 @@ from pathlib import Path
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from tests.console.conftest import Desk, hear, make_desk, say, wait_until
-from tests.shared import PATIENCE
+from tests.console.conftest import Desk, hear, make_desk, say
+from tests.waiting import PATIENCE, Stopwatch, wait_until
 from wirebond.server import strangers
 from wirebond.server.strangers import DELAY
+
+pytestmark = pytest.mark.live
 
 DEEP = [900, 980, 990, 1000, 100_000]  # levels: the first ones just fit on the stack
 
@@ -63,8 +64,10 @@ def test_a_page_that_was_refused_and_does_not_close_is_closed(locked: Desk) -> N
 @pytest.mark.parametrize("token_of", ["Console", "short"])
 @pytest.mark.parametrize("path", ["/attach", "/views", "/api/protocol"])
 def test_after_a_wrong_token_each_wrong_one_waits_and_the_right_one_still_opens(
-    tmp_path: Path, path: str, token_of: str
+    tmp_path: Path, path: str, token_of: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("wirebond.console.attach_socket._FIRST_WITHIN", PATIENCE)
+    monkeypatch.setattr("wirebond.console.visitors.WITHIN", PATIENCE)
     making = make_desk(tmp_path, **({"token": "robot"} if token_of == "short" else {}))
     locked = next(making)
 
@@ -77,10 +80,10 @@ def test_after_a_wrong_token_each_wrong_one_waits_and_the_right_one_still_opens(
 
     assert not tries("wrong")
     for token in (locked.token, "wrong", locked.token):
-        began = time.monotonic()
+        watch = Stopwatch()
         assert tries(token) == (token == locked.token)
         if token == "wrong" or token_of == "short":  # one that could be guessed
-            assert time.monotonic() - began >= DELAY
+            assert watch.seconds >= DELAY
     making.close()
 
 
@@ -130,7 +133,7 @@ def test_what_clients_can_make_the_web_server_log_is_one_line_a_second(
     locked: Desk, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO)
-    began = time.monotonic()
+    watch = Stopwatch()
     for number in range(300):
         with socket.create_connection(("127.0.0.1", locked.port)) as raw:
             raw.settimeout(PATIENCE)
@@ -143,7 +146,7 @@ def test_what_clients_can_make_the_web_server_log_is_one_line_a_second(
     for _ in range(100):  # pages of another place
         with pytest.raises(InvalidStatus), locked.web("/views", origin="http://elsewhere.example"):
             pass
-    seconds = time.monotonic() - began
+    seconds = watch.seconds
     for is_news in (True, False):
         lines = [record for record in caplog.records if (record.levelno < logging.WARNING) == is_news]
         assert len([record for record in lines if record.name.startswith("uvicorn")]) <= seconds + 2

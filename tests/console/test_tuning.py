@@ -7,7 +7,6 @@ import os
 import re
 import signal
 import subprocess
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,12 +18,15 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, TimeoutError, expect
 
 import wirebond
-from tests.console.browser import Robot, open_page, take_control, wait_until
-from tests.shared import PATIENCE, PROTOCOLS, ROOT, codec
+from tests.console.browser import Robot, open_page, take_control
+from tests.shared import PROTOCOLS, ROOT, codec
+from tests.waiting import PATIENCE, moments, wait_until
 from wirebond.console import Console
 from wirebond.generate.code import generate_cpp
 from wirebond.server import Server
 from wirebond.sim.process import FirmwareProcess
+
+pytestmark = pytest.mark.live
 
 FIRMWARE = ROOT / "firmware"
 
@@ -278,8 +280,7 @@ def step(axis: Bench, to: float) -> Response:
     reason = axis.page.get_by_text("take control first")
     panel = axis.page.locator(".panel", has=run)
     seen: list[str] = []
-    end = time.monotonic() + 2 * PATIENCE
-    while time.monotonic() < end:
+    for _ in moments(lambda: f"a step that is whole; seen: {seen[-3:]}", 2 * PATIENCE):
         expect(run.or_(reason).first).to_be_visible()
         if reason.is_visible():  # the page says beside the button why it cannot be pressed
             take_control(axis.page)
@@ -291,4 +292,4 @@ def step(axis: Bench, to: float) -> Response:
                 return found
             to = -to
         seen.append(panel.inner_text())
-    raise AssertionError("no step is whole", seen[-3:])
+    raise AssertionError

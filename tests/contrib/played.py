@@ -10,8 +10,8 @@ from typing import Any, TypeVar
 
 import wirebond
 from tests.contrib.cases import CONTRIB
-from tests.link.mcu import wait_until
 from tests.link.test_role_mcu import line
+from tests.waiting import wait_until
 from wirebond import Message
 
 _ATTEMPTS = 100  # a library waits up to half a second for each answer; a busy computer may need more

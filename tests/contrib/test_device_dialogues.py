@@ -19,8 +19,10 @@ from tsip import GPS, Packet
 
 from tests.contrib.oracles.vesc import VESC
 from tests.contrib.played import Answer, asked_again, played
-from tests.shared import PATIENCE
+from tests.waiting import PATIENCE
 from wirebond import Message
+
+pytestmark = pytest.mark.live
 
 
 @pytest.fixture

@@ -14,9 +14,11 @@ from crsf_parser.handling import crsf_build_frame
 import wirebond
 from tests.contrib.cases import CONTRIB
 from tests.contrib.played import asked_again
-from tests.link.mcu import wait_until
 from tests.link.test_role_mcu import line
+from tests.waiting import wait_until
 from wirebond import Message
+
+pytestmark = pytest.mark.live
 
 
 def test_a_ping1d_is_asked_for_its_distance_by_the_library_of_its_maker() -> None:

@@ -19,6 +19,8 @@ from wirebond import Codec, Decoder, load
 from wirebond.protocol.model import End
 from wirebond.protocol.planning import plan_for
 
+pytestmark = pytest.mark.live
+
 NAMES = sorted(ORACLES)
 ENDS = (End.HOST, End.MCU)
 CODECS = {name: load(CONTRIB / f"{name}.yaml") for name in NAMES}

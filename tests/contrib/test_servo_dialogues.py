@@ -7,12 +7,15 @@ from contextlib import contextmanager
 from typing import Any
 
 import dynamixel_sdk
+import pytest
 import scservo_sdk
 from dynamixel_sdk import GroupBulkRead, GroupBulkWrite, GroupSyncRead, GroupSyncWrite
 from lewanlib.bus import ServoBus
 
 from tests.contrib.played import Answer, Played, asked_again, played
 from wirebond import Message
+
+pytestmark = pytest.mark.live
 
 SERVOS = (1, 2)
 

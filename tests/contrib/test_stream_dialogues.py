@@ -28,8 +28,10 @@ from pysbf2 import SBFReader
 from spherov2.toy.bolt import BOLT
 
 from tests.contrib.played import played
-from tests.shared import PATIENCE
+from tests.waiting import PATIENCE
 from wirebond import Message
+
+pytestmark = pytest.mark.live
 
 
 @pytest.fixture

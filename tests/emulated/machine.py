@@ -1,34 +1,45 @@
-"""An emulated board as a process: its UARTs are ttys of this machine, its report is text."""
+"""An emulated board as a process: its UARTs are TCP ports on loopback, its report is text."""
 
 from __future__ import annotations
 
 import queue
-import re
+import socket
 import subprocess
 import threading
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-PATIENCE = 60.0  # seconds: a bound for slow machines, not an expectation
+from tests.waiting import PATIENCE
+
 UARTS = 2
 
 
 class Machine:
-    """Runs ``program`` (an ELF file). ``ports``: the ttys of USART1 and USART2. Ends with its ``with`` block, or with
-    this process, however that ends. Comes up when the program says ``ready``: from then on it loses no byte.
+    """Runs ``program`` (an ELF file). ``ports``: USART1 and USART2, as a link opens them. Ends with its ``with`` block,
+    or with this process, however that ends. Comes up when the program says ``ready``: from then on it loses no byte
+    that it receives, and none that it sends while a link has the port open. (Over a pty, the emulator lost some that it
+    sent while the reader was late.)
 
     The processor makes one instruction in a nanosecond of its own time, and skips the time in which it has nothing to
     do; so its time has nothing to do with ours.
     """
 
     def __init__(self, program: Path) -> None:
+        sockets = [socket.create_server(("127.0.0.1", 0)) for _ in range(UARTS)]
+        self.ports = ["tcp://{}:{}".format(*one.getsockname()) for one in sockets]
+        numbers = [one.fileno() for one in sockets]
         self._process = subprocess.Popen(
             [
                 "setpriv", "--pdeathsig=KILL", "qemu-system-arm",
                 "-machine", "netduinoplus2", "-icount", "shift=0,sleep=off",
                 "-display", "none", "-monitor", "none",
-                *["-serial", "pty"] * UARTS,
+                *(
+                    word
+                    for number in numbers
+                    for word in ("-chardev", f"socket,id=line{number},fd={number},server=on,wait=off,nodelay=on",
+                                 "-serial", f"chardev:line{number}")
+                ),
                 "-chardev", "stdio,id=report,signal=off",
                 "-semihosting-config", "enable=on,target=native,chardev=report",
                 "-kernel", str(program),
@@ -38,15 +49,15 @@ class Machine:
             stderr=subprocess.STDOUT,
             text=True,
             errors="replace",
+            pass_fds=numbers,
         )  # fmt: skip
+        for one in sockets:
+            one.close()
         self._lines: queue.Queue[str | None] = queue.Queue()
         self._seen: list[str] = []
         threading.Thread(target=self._collect, daemon=True).start()
-        self.ports: list[str] = []
-        while (line := self.line()) != "ready":
-            found = re.search(r"redirected to (\S+)", line)
-            if found is not None:
-                self.ports.append(found.group(1))
+        while self.line() != "ready":
+            pass
 
     def _collect(self) -> None:
         assert self._process.stdout is not None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
@@ -12,8 +11,11 @@ import pytest
 
 import wirebond
 from tests.emulated.build import HERE, build, without_silence
-from tests.emulated.machine import PATIENCE, Machine
+from tests.emulated.machine import Machine
 from tests.shared import account_closes, codec_without_latest
+from tests.waiting import moments
+
+pytestmark = pytest.mark.live
 
 SENDERS = 5  # four tasks and an interrupt
 COMMAND_BYTES = 19
@@ -47,18 +49,17 @@ def sender_and_count(message: wirebond.Message) -> tuple[int, int]:
 def talk(link: wirebond.Link, commands: int, expected: int) -> Iterator[wirebond.Message]:
     """Send the commands, and give what comes meanwhile until this many messages have come."""
     sent = received = 0
-    end = time.monotonic() + PATIENCE
     while sent < commands or received < expected:
-        assert time.monotonic() < end, f"{received} of {expected} messages came, {sent} of {commands} commands are sent"
-        messages = link.receive(0.01)
         before = sent + received
-        received += len(messages)
-        with suppress(wirebond.QueueFullError):  # the line is slower than this loop
-            for _ in range(min(20, commands - sent)):
-                link.send("chassis_cmd", x_vel=float(sent), y_vel=2.0 * sent, w_vel=0.0)
-                sent += 1
-        if sent + received != before:
-            end = time.monotonic() + PATIENCE
+        for _ in moments(f"{received} of {expected} messages came, {sent} of {commands} commands are sent"):
+            messages = link.receive(0.01)
+            received += len(messages)
+            with suppress(wirebond.QueueFullError):  # the line is slower than this loop
+                for _ in range(min(20, commands - sent)):
+                    link.send("chassis_cmd", x_vel=float(sent), y_vel=2.0 * sent, w_vel=0.0)
+                    sent += 1
+            if sent + received != before:
+                break
         yield from messages
 
 

@@ -7,16 +7,18 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
 import wirebond
 from tests.command import run
-from tests.shared import PATIENCE, PROTOCOLS, ROOT, codec
+from tests.shared import PROTOCOLS, ROOT, codec
+from tests.waiting import PATIENCE, let_pass, moments
 from wirebond.cli.main import main
 from wirebond.sim.pty_port import PtyPort
+
+pytestmark = pytest.mark.live
 
 COMMAND = [str(Path(sys.executable).with_name("wirebond"))]
 DIFFDRIVE = str(PROTOCOLS / "diffdrive.yaml")
@@ -254,11 +256,34 @@ class TestWithVirtualMcu:
 
 def first_bytes(port: PtyPort) -> bytes:
     """What comes first, however slowly the program starts."""
-    end = time.monotonic() + PATIENCE
-    while time.monotonic() < end:
+    for _ in moments("bytes at the port"):
         if data := port.read(0.1):
             return data
-    raise AssertionError("nothing came")
+    raise AssertionError
+
+
+def rest_of(process: subprocess.Popen[bytes], port: PtyPort) -> bytes:
+    """What comes until the program has ended."""
+    data = b""
+    for _ in moments("the end of the program"):
+        has_ended = process.poll() is not None
+        came = port.read(0.05)
+        data += came
+        if has_ended and not came:
+            return data
+    raise AssertionError
+
+
+def first_line(process: subprocess.Popen[bytes], port: PtyPort, frame: bytes) -> str:
+    """What the program prints first, of a frame that comes until it listens: what comes before is stale and dropped."""
+    assert process.stdout is not None
+    os.set_blocking(process.stdout.fileno(), False)
+    for _ in moments("a line of the program"):
+        if line := process.stdout.readline():
+            return line.decode()
+        port.write(frame)
+        let_pass(0.05)
+    raise AssertionError
 
 
 def commands(data: bytes) -> list[dict[str, object]]:
@@ -275,9 +300,7 @@ def test_signals_end_a_repeated_send_with_the_emergency_stop(number: signal.Sign
         while not commands(data):
             data += first_bytes(pty)
         process.send_signal(number)
-        while process.poll() is None:
-            data += pty.read(0.05)
-        data += pty.read(0.05)
+        data += rest_of(process, pty)
         assert process.returncode == 0
         assert process.stderr is not None
         assert b"then the emergency stop" in process.stderr.read()
@@ -318,9 +341,7 @@ def test_a_repeated_send_ends_with_the_safe_value_to_the_address_that_it_command
     command = [*COMMAND, "send", str(file), pty.path, "move", "angle=0.5", *words, "--rate", "50", "--seconds", "0.3"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         data = first_bytes(pty)
-        while process.poll() is None:
-            data += pty.read(0.05)
-        data += pty.read(0.05)
+        data += rest_of(process, pty)
         assert process.returncode == 0 and process.stderr is not None
         assert f", then the safe value to servo {servo}\n" in process.stderr.read().decode()
     pty.close()
@@ -337,11 +358,9 @@ def test_a_signal_ends_the_send_at_a_rate_that_no_line_carries(number: signal.Si
     command = [*COMMAND, "send", NATIVE, pty.path, "command", "speed=1", "mode=manual", "--rate", "10000"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         data = first_bytes(pty)
-        time.sleep(1.5)
+        let_pass(1.5)
         process.send_signal(number)
-        while process.poll() is None:
-            data += pty.read(0.05)
-        data += pty.read(0.05)
+        data += rest_of(process, pty)
         assert process.returncode == 0
     pty.close()
     speeds = [fields["speed"] for fields in commands(data)]
@@ -389,38 +408,30 @@ def test_log_lines_are_shown_as_their_text(tmp_path: Path) -> None:
     assert json.loads(line)["log"] == {"level": "warning", "text": "[battery] at 12.250 V"}
     assert "log" not in json.loads(run("decode", DIFFDRIVE, "--hex", frame.hex()).stdout)
     pty = PtyPort()
-    command = [*COMMAND, "monitor", str(file), pty.path, "--seconds", "30"]
+    command = [*COMMAND, "monitor", str(file), pty.path, "--seconds", "600"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        os.set_blocking(process.stdout.fileno(), False)
-        end = time.monotonic() + PATIENCE
-        while not (shown := process.stdout.readline()) and time.monotonic() < end:
-            pty.write(frame)  # until it listens
-            time.sleep(0.05)
+        shown = first_line(process, pty, frame)
         process.send_signal(signal.SIGINT)
         process.wait(PATIENCE)
     pty.close()
-    assert shown.decode().partition(" ")[2] == "warning: [battery] at 12.250 V\n"
+    assert shown.partition(" ")[2] == "warning: [battery] at 12.250 V\n"
 
 
 def test_monitor_lives_on_when_its_port_goes_away(tmp_path: Path) -> None:
     pty = PtyPort()
     name = tmp_path / "tty"
     name.symlink_to(pty.path)
-    command = [*COMMAND, "monitor", DIFFDRIVE, str(name), "--seconds", "3", "--json"]
+    command = [*COMMAND, "monitor", DIFFDRIVE, str(name), "--seconds", "600", "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        assert process.stdout is not None and process.stderr is not None
-        frame = codec("diffdrive").encode("odometry", left_ticks=1, right_ticks=2)
-        os.set_blocking(process.stdout.fileno(), False)
-        end = time.monotonic() + PATIENCE
-        while not (line := process.stdout.readline()) and time.monotonic() < end:
-            pty.write(frame)  # until it listens: what comes before it opens the port is stale and dropped
-            time.sleep(0.05)
+        assert process.stderr is not None
+        line = first_line(process, pty, codec("diffdrive").encode("odometry", left_ticks=1, right_ticks=2))
         assert json.loads(line)["message"] == "odometry"
         name.unlink()  # before its number is free: another pty may get it
         pty.close()
+        told = process.stderr.readline().decode()
+        process.send_signal(signal.SIGINT)
         assert process.wait(PATIENCE) == 0
-        told = process.stderr.read().decode()
+        told += process.stderr.read().decode()
         assert "Waiting for it.\n" in told and str(name) in told.splitlines()[0]
         assert told.endswith(f"; {name} was away at the end\n")
 
@@ -431,14 +442,10 @@ def test_monitor_waits_for_a_port_that_is_not_there_yet(tmp_path: Path) -> None:
     command = [*COMMAND, "monitor", DIFFDRIVE, str(name), "--wait", "--json"]
     pty = PtyPort()
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        assert process.stdout is not None and process.stderr is not None
+        assert process.stderr is not None
         assert process.stderr.readline().decode().startswith(f"there is no port {name}; ")
         name.symlink_to(pty.path)
-        os.set_blocking(process.stdout.fileno(), False)
-        end = time.monotonic() + PATIENCE
-        while not (line := process.stdout.readline()) and time.monotonic() < end:
-            pty.write(codec("diffdrive").encode("odometry", left_ticks=1, right_ticks=2))
-            time.sleep(0.05)
+        line = first_line(process, pty, codec("diffdrive").encode("odometry", left_ticks=1, right_ticks=2))
         assert json.loads(line)["message"] == "odometry"
         process.send_signal(signal.SIGINT)
         assert process.wait(PATIENCE) == 0
@@ -475,12 +482,7 @@ def test_send_and_monitor_play_the_mcu() -> None:
     assert {m.name for m in decoder.feed(pty.read(1))} == {"odometry"}
     command = [*COMMAND, "monitor", DIFFDRIVE, pty.path, "--role", "mcu", "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        assert process.stdout is not None
-        os.set_blocking(process.stdout.fileno(), False)
-        end = time.monotonic() + PATIENCE
-        while not (line := process.stdout.readline()) and time.monotonic() < end:
-            pty.write(codec("diffdrive").encode("velocity", linear=0.5, angular=0))
-            time.sleep(0.05)
+        line = first_line(process, pty, codec("diffdrive").encode("velocity", linear=0.5, angular=0))
         assert json.loads(line)["message"] == "velocity"
         process.send_signal(signal.SIGINT)
         assert process.wait(PATIENCE) == 0

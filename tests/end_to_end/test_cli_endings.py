@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,9 @@ import pytest
 
 import wirebond
 from tests.shared import PROTOCOLS
+from tests.waiting import PATIENCE, let_pass, moments, wait_until
+
+pytestmark = pytest.mark.live
 
 COMMAND = str(Path(sys.executable).with_name("wirebond"))
 FILE = str(PROTOCOLS / "diffdrive.yaml")
@@ -26,7 +28,7 @@ def start(*arguments: str, **options: Any) -> subprocess.Popen[str]:
 
 def shell(line: str) -> subprocess.CompletedProcess[str]:
     result = subprocess.run(
-        ["/bin/bash", "-c", line], capture_output=True, text=True, timeout=60, check=False,
+        ["/bin/bash", "-c", line], capture_output=True, text=True, timeout=PATIENCE, check=False,
         env={**os.environ, "WIREBOND": COMMAND, "FILE": FILE},
     )  # fmt: skip
     assert "Traceback" not in result.stderr
@@ -64,7 +66,7 @@ def test_ctrl_c_during_the_start_ends_at_once(module: str, command: str) -> None
     assert "Exception ignored" not in rest
     # monitor may have begun by then, whose normal end is Ctrl-C
     began = command == "monitor" and module == "rich.live"
-    assert process.wait(timeout=60) in ((0, 130) if began else (130,))
+    assert process.wait(timeout=PATIENCE) in ((0, 130) if began else (130,))
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.05, 0.1, 0.2, 0.3, 0.5])
@@ -77,13 +79,10 @@ def test_ctrl_c_at_any_time_ends_monitor_without_a_traceback(delay: float, tmp_p
             [COMMAND, "monitor", FILE, os.ttyname(follower), "--seconds", "20"],
             stdout=subprocess.DEVNULL, stderr=told, env={**os.environ, "PYTHONPROFILEIMPORTTIME": "1"},
         )  # fmt: skip
-    until = time.monotonic() + 60
-    while "wirebond.cli.start" not in log.read_text():
-        assert time.monotonic() < until
-        time.sleep(0.002)
-    time.sleep(delay)
+    wait_until(lambda: "wirebond.cli.start" in log.read_text(), "the start of the command")
+    let_pass(delay)
     process.send_signal(signal.SIGINT)
-    process.wait(timeout=60)
+    process.wait(timeout=PATIENCE)
     errors = log.read_text()
     os.close(leader)
     os.close(follower)
@@ -113,13 +112,12 @@ def test_a_supervisors_signal_ends_with_an_account(number: int, arguments: list[
     leader, follower = os.openpty()
     words = [os.ttyname(follower) if word == "PTY" else word for word in arguments]
     process = start(*words, stdout=subprocess.PIPE)
-    until = time.monotonic() + 60
-    while not handles(process.pid, number):
+    for _ in moments("a handler of the signal"):
         assert process.poll() is None
-        assert time.monotonic() < until
-        time.sleep(0.01)
+        if handles(process.pid, number):
+            break
     process.send_signal(number)
-    _, errors = process.communicate(timeout=60)
+    _, errors = process.communicate(timeout=PATIENCE)
     os.close(leader)
     os.close(follower)
     assert "Traceback" not in errors
@@ -149,7 +147,7 @@ def test_ctrl_c_ends_decode_with_its_account() -> None:
     process.stdin.buffer.flush()
     assert "status_query" in process.stdout.readline()
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
+    _, errors = process.communicate(timeout=PATIENCE)
     assert (process.returncode, errors) == (130, "11 bytes: 1 frames (11 bytes)\n")
 
 
@@ -173,9 +171,11 @@ def test_monitor_into_a_pipe_that_closes_gives_its_account_and_is_no_error(as_js
          "echo ${PIPESTATUS[0]}"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
-    while process.poll() is None:
+    for _ in moments("the end of monitor"):
+        if process.poll() is not None:
+            break
         os.write(leader, odometry)
-        time.sleep(0.02)
+        let_pass(0.02)
     out, errors = process.communicate()
     os.close(leader)
     os.close(follower)

@@ -9,8 +9,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from tests.command import run
 from tests.shared import PROTOCOLS, rejected_vectors
+from tests.waiting import PATIENCE
+
+pytestmark = pytest.mark.live
 
 COMMAND = str(Path(sys.executable).with_name("wirebond"))
 PID = str(PROTOCOLS / "pid_tuner.yaml")
@@ -19,7 +24,9 @@ NATIVE = str(PROTOCOLS / "native.yaml")
 
 
 def from_stdin(text: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([COMMAND, *arguments], input=text, capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run(
+        [COMMAND, *arguments], input=text, capture_output=True, text=True, timeout=PATIENCE, check=False
+    )
 
 
 class TestStdin:
@@ -53,9 +60,9 @@ class TestStdin:
 
 def test_python_runs_the_package_as_the_command() -> None:
     whole = [sys.executable, "-m", "wirebond"]
-    done = subprocess.run([*whole, "check"], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run([*whole, "check"], capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert (done.returncode, done.stderr) == (2, run("check").stderr)
-    shown = subprocess.run([*whole, "--version"], capture_output=True, text=True, timeout=60, check=True)
+    shown = subprocess.run([*whole, "--version"], capture_output=True, text=True, timeout=PATIENCE, check=True)
     assert shown.stdout == run("--version").stdout
 
 
@@ -64,7 +71,7 @@ def test_shells_complete_commands_and_help_says_how() -> None:
     assert "--install-completion" in shown
     assert "--show-completion" in shown
     asked = {**os.environ, "_WIREBOND_COMPLETE": "complete_bash", "COMP_WORDS": "wirebond ex", "COMP_CWORD": "1"}
-    done = subprocess.run([COMMAND], env=asked, capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run([COMMAND], env=asked, capture_output=True, text=True, timeout=PATIENCE, check=True)
     assert done.stdout.split() == ["explain", "export"]
 
 
@@ -102,7 +109,7 @@ class TestExplain:
         except OSError:  # the other end is closed
             pass
         os.close(leader)
-        assert process.wait(timeout=60) == 1
+        assert process.wait(timeout=PATIENCE) == 1
         assert b"\x1b[" in out
         assert b"check_mismatch" in out
 

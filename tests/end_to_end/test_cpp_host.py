@@ -16,8 +16,11 @@ import pytest
 
 import wirebond
 from tests.shared import PROTOCOLS, ROOT
+from tests.waiting import PATIENCE
 from wirebond.sim import pty_port
 from wirebond.sim.virtual_mcu import VirtualMcu
+
+pytestmark = pytest.mark.live
 
 PAGE = ROOT / "docs" / "cpp-host.md"
 COMMAND = Path(sys.executable).with_name("wirebond")
@@ -65,7 +68,7 @@ def mcu() -> Iterator[str]:
     thread.start()
     yield port.path
     ended.set()
-    thread.join()
+    thread.join(PATIENCE)
     port.close()
 
 

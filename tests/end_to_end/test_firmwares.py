@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import subprocess
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import pairwise
@@ -18,9 +17,12 @@ from typing import Any
 import pytest
 
 import wirebond
-from tests.shared import PATIENCE, PROTOCOLS, ROOT, codec
+from tests.shared import PROTOCOLS, ROOT, codec
+from tests.waiting import moments, wait_until
 from wirebond.generate.code import generate_cpp
 from wirebond.sim.process import FirmwareProcess
+
+pytestmark = pytest.mark.live
 
 FIRMWARE = ROOT / "firmware"
 FLAGS = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-Wshadow", "-Wconversion", "-O0", "-pthread"]
@@ -48,10 +50,8 @@ def start(tmp_path: Path) -> Callable[[str, str], Any]:
 
 def messages(link: wirebond.Link) -> Iterator[wirebond.Message]:
     """What comes, for as long as it takes."""
-    end = time.monotonic() + PATIENCE
-    while time.monotonic() < end:
+    for _ in moments("the message that the test waits for"):
         yield from link.receive(0.1)
-    raise AssertionError("what the test waits for does not come")
 
 
 def answer(link: wirebond.Link, name: str) -> dict[str, Any]:
@@ -60,11 +60,10 @@ def answer(link: wirebond.Link, name: str) -> dict[str, Any]:
 
 
 def wait_for_event(process: FirmwareProcess, name: str) -> None:
-    end = time.monotonic() + PATIENCE
-    while time.monotonic() < end:
-        if any(line.partition(" ")[2] == name for line in process.events(timeout=0.2)):
-            return
-    raise AssertionError(f"the firmware never reported {name}")
+    wait_until(
+        lambda: any(line.partition(" ")[2] == name for line in process.events(timeout=0.2)),
+        f"the event {name} of the firmware",
+    )
 
 
 def test_echo_sends_back_what_came(start: Callable[[str, str], Any]) -> None:

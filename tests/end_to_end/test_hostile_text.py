@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +17,9 @@ import pytest
 
 import wirebond
 from tests.shared import PROTOCOLS
+from tests.waiting import PATIENCE
+
+pytestmark = pytest.mark.live
 
 COMMAND = str(Path(sys.executable).with_name("wirebond"))
 # Sets the title, turns red (C0 and C1), turns the direction of writing, forges a line, closes rich's markup.
@@ -39,8 +42,9 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
-def terminal(*arguments: str, columns: int = 100) -> tuple[int, str]:
-    """Run the command in a terminal of its own; its exit code and all that the terminal receives."""
+def terminal(*arguments: str, columns: int = 100, until: str = "") -> tuple[int, str]:
+    """Run the command in a terminal of its own; its exit code and all that the terminal receives. ``until``: Ctrl-C
+    ends it once this is there."""
     leader, follower = os.openpty()
     environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": str(columns), "LINES": "40"}
     environment.pop("NO_COLOR", None)
@@ -50,10 +54,13 @@ def terminal(*arguments: str, columns: int = 100) -> tuple[int, str]:
     try:
         while chunk := os.read(leader, 65536):
             out += chunk
+            if until and until.encode() in out:
+                process.send_signal(signal.SIGINT)
+                until = ""
     except OSError:  # the other end is closed
         pass
     os.close(leader)
-    return process.wait(timeout=60), out.decode()
+    return process.wait(PATIENCE), out.decode()
 
 
 def assert_harmless(out: str) -> None:
@@ -71,9 +78,8 @@ def device(frame: bytes) -> Iterator[str]:
     stop = threading.Event()
 
     def send() -> None:
-        while not stop.is_set():
+        while not stop.wait(0.02):
             os.write(leader, frame)
-            time.sleep(0.02)
 
     thread = threading.Thread(target=send)
     thread.start()
@@ -92,19 +98,18 @@ def log_frame(file: Path) -> bytes:
 
 def test_monitor_shows_a_log_line_of_a_device_as_text(file: Path) -> None:
     with device(log_frame(file)) as port:
-        code, out = terminal("monitor", str(file), port, "--seconds", "0.6")
+        code, out = terminal("monitor", str(file), port, until=r"\x1b]0;own")
     assert code == 0
     assert_harmless(out)
     assert r"\x1b]0;own\x07" in out
-    with device(log_frame(file)) as port:
-        piped = subprocess.run(
-            [COMMAND, "monitor", str(file), port, "--seconds", "0.4"],
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-        )
-    lines = piped.stdout.splitlines()
+    with (
+        device(log_frame(file)) as port,
+        subprocess.Popen([COMMAND, "monitor", str(file), port], stdout=subprocess.PIPE, text=True) as piped,
+    ):
+        assert piped.stdout is not None
+        lines = [piped.stdout.readline().rstrip()]
+        piped.send_signal(signal.SIGINT)
+        lines += piped.stdout.read().splitlines()
     assert lines
     assert all(line.endswith(f"info: {SHOWN}") for line in lines)
 

@@ -11,6 +11,8 @@ from wirebond.errors import WirebondError
 from wirebond.sim import rover
 from wirebond.sim.lockstep import LockstepFirmware
 
+pytestmark = pytest.mark.live
+
 DIFFDRIVE = codec("diffdrive")
 BYTE_S = 10 / 115200
 
@@ -38,6 +40,19 @@ def test_deadlines_strike_a_second_and_three_after_the_last_command(program: Pat
         assert times["stop"] == pytest.approx(1.0, abs=0.0021)  # the poll that finds it, and the one before the bytes
         assert times["safe_mode"] == pytest.approx(3.0, abs=0.0021)
         assert firmware.now == pytest.approx(3.99)
+
+
+def test_silence_is_measured_from_the_last_velocity(program: Path) -> None:
+    with LockstepFirmware(program) as firmware:
+        firmware.send(velocity(0.2))
+        firmware.advance(0.5)
+        firmware.events.clear()
+        for _ in range(8):  # a slow rhythm: no deadline may strike in between
+            firmware.send(velocity(0.2))
+            firmware.advance(0.95)
+        assert [e.text for e in firmware.events if "stop" in e.text] == []
+        firmware.advance(0.1)
+        assert [e.text for e in firmware.events if "stop" in e.text] == ["stop"]
 
 
 def test_a_command_moves_the_rover_and_its_operator_stops_it(program: Path) -> None:

@@ -11,8 +11,11 @@ from pathlib import Path
 import pytest
 
 from tests.shared import PROTOCOLS, codec
+from tests.waiting import PATIENCE
 from wirebond.cli.main import main
 from wirebond.sim.pty_port import PtyPort
+
+pytestmark = pytest.mark.live
 
 COMMAND = [sys.executable, "-m", "wirebond.cli.main", "sim", "protocols/native.yaml"]
 ROOT = Path(__file__).resolve().parents[2]
@@ -29,13 +32,13 @@ def test_a_signal_ends_it_and_its_link_is_gone(tmp_path: Path, number: signal.Si
     try:
         assert process.stdout.readline().strip() == str(link).encode()
         other = subprocess.run(
-            [*COMMAND, "--link", str(link)], capture_output=True, text=True, cwd=ROOT, timeout=60, check=False
+            [*COMMAND, "--link", str(link)], capture_output=True, text=True, cwd=ROOT, timeout=PATIENCE, check=False
         )
         assert other.returncode == 2
         assert "which another program serves; end that one, name another link" in other.stderr
         assert link.is_symlink()
         process.send_signal(number)
-        assert process.wait(timeout=60) == 0
+        assert process.wait(timeout=PATIENCE) == 0
     finally:
         process.kill()
         process.wait()
@@ -47,7 +50,11 @@ def test_a_link_that_a_killed_one_left_is_taken_over(tmp_path: Path) -> None:
     link = tmp_path / "mcu"
     link.symlink_to(tmp_path / "gone")
     done = subprocess.run(
-        [*COMMAND, "--link", str(link), "--seconds", "0.1"], capture_output=True, cwd=ROOT, timeout=60, check=False
+        [*COMMAND, "--link", str(link), "--seconds", "0.1"],
+        capture_output=True,
+        cwd=ROOT,
+        timeout=PATIENCE,
+        check=False,
     )
     assert done.returncode == 0
     assert not link.is_symlink()

@@ -13,6 +13,8 @@ from tests.fuzz.build import CORE
 from tests.fuzz.files import BUILD, CORPUS
 from tests.shared import ROOT
 
+pytestmark = pytest.mark.live
+
 RUNS = {"deframer": 2500, "fields": 60_000, "loader": 250}  # about six seconds each, and half of it in a short run
 LONG_SECONDS = int(os.environ.get("WIREBOND_FUZZ_SECONDS", "3600")) // len(campaign.TARGETS)
 

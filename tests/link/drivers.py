@@ -6,7 +6,6 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
-import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -16,7 +15,7 @@ from typing import Any
 import pytest
 
 import wirebond
-from tests.shared import PATIENCE
+from tests.waiting import PATIENCE, let_pass, wait_until
 from wirebond import _engine
 from wirebond.errors import LinkDownError, QueueFullError, StoppedError
 from wirebond.link import DEFAULT_HOLD
@@ -107,11 +106,20 @@ class Driver(ABC):
         assert balances(self.stats()["send"])
 
     def run_until(self, condition: Callable[[], bool], what: str) -> None:
-        spent = 0.0
-        while not condition():
-            assert spent < PATIENCE, f"{what}: did not come about"
+        """Time goes by until this is true."""
+        for _ in range(round(PATIENCE / 0.005)):
+            if condition():
+                return
             self.run(0.005)
-            spent += 0.005
+        raise AssertionError(f"in vain: {what}")
+
+    def settle(self) -> None:
+        """Time goes by until all that left has arrived. For a link that repeats nothing."""
+        self.run_until(self._is_settled, "all that left arrives")
+
+    def _is_settled(self) -> bool:
+        sent = self.stats()["send"]
+        return bool(sent["queued"] == 0 and len(self.arrived()) == sent["sent_bytes"])
 
     def messages(self) -> list[tuple[str, dict[str, Any]]]:
         decoder = self.codec.decoder("host")
@@ -319,7 +327,11 @@ class ThreadDriver(Driver):
         self._name.symlink_to(self._pty.path)
 
     def run(self, seconds: float) -> None:
-        time.sleep(seconds)
+        let_pass(seconds)
+        self.check()
+
+    def run_until(self, condition: Callable[[], bool], what: str) -> None:
+        wait_until(condition, what)
         self.check()
 
     def send(self, name: str, **fields: Any) -> None:
@@ -448,9 +460,7 @@ class FarEnd:
         return count
 
     def settle(self, size: int) -> None:
-        end = time.monotonic() + PATIENCE
-        while self._data.stat().st_size < size and time.monotonic() < end:
-            time.sleep(0.01)
+        wait_until(lambda: self._data.stat().st_size >= size, "all bytes leave the wire")
 
     def close(self) -> None:
         self._process.kill()  # the process that this object started

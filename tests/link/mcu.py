@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import wirebond
-from tests.shared import PATIENCE
+from tests.waiting import wait_until as wait_until  # noqa: PLC0414 other folders take it from here
 from wirebond.protocol.model import End
 from wirebond.sim.pty_port import PtyPort
-
-
-def wait_until(condition: Callable[[], object], what: str) -> None:
-    until = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < until, f"{what}: did not come about"
-        time.sleep(0.002)
 
 
 class Mcu:

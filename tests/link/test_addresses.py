@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,6 +9,7 @@ import pytest
 
 import wirebond
 from tests.shared import ROOT, account_closes
+from tests.waiting import PATIENCE, moments, rounds_for, wait_until
 from wirebond import Codec, Message, UsageError, _engine, load
 from wirebond.link.settings import engine_settings, safe_value
 from wirebond.protocol import loads
@@ -266,6 +266,7 @@ def test_a_stop_message_may_have_header_values_and_wrong_ones_are_told() -> None
             )
 
 
+@pytest.mark.live
 def test_an_open_link_has_an_address_listens_and_sends_it() -> None:
     port = PtyPort()
     codec = Codec(loads(ENDS))
@@ -275,7 +276,7 @@ def test_an_open_link_has_an_address_listens_and_sends_it() -> None:
             link.address = 256
         link.address = 7
         port.write(codec.encode("state", x=1) + codec.encode("state", x=2, header={"to": 7}))
-        (message,) = link.receive(2.0)
+        (message,) = link.receive(PATIENCE)
         assert (message.fields, link.stats.receive.foreign_frames) == ({"x": 2}, 1)
         link.send("ask")
         (asked,) = heard(codec, port)
@@ -285,7 +286,7 @@ def test_an_open_link_has_an_address_listens_and_sends_it() -> None:
         assert asked.header == {"to": 5, "source": 9}
     with wirebond.open(codec, port.path, listen="all") as link:
         port.write(codec.encode("state", x=1, header={"to": 55}))
-        assert [m.header["to"] for m in link.receive(2.0)] == [55]
+        assert [m.header["to"] for m in link.receive(PATIENCE)] == [55]
     with pytest.raises(UsageError, match="listen is 'some'; expected 'own' or 'all'"):
         wirebond.open(codec, port.path, listen="some")
     with wirebond.open(BUS, port.path) as link:
@@ -295,20 +296,34 @@ def test_an_open_link_has_an_address_listens_and_sends_it() -> None:
     port.close()
 
 
+@pytest.mark.live
 def test_an_open_link_repeats_for_each_servo_and_stops_each() -> None:
     port = PtyPort()
     with wirebond.open(BUS, port.path, paced=False) as link:
         for servo in (3, 7):
-            link.repeat("move", hold=5.0, header={"servo": servo}, angle=0.1)
-        found = {m.header["servo"] for m in heard(BUS, port, 0.2)}
-        assert found == {3, 7}
+            link.repeat("move", hold=60, header={"servo": servo}, angle=0.1)
+        found: list[Message] = []
+
+        def hears(*servos: int) -> bool:
+            found.extend(heard(BUS, port, 0.02))
+            return {m.header["servo"] for m in found} == set(servos)
+
+        wait_until(lambda: hears(3, 7), "both")
         link.stop_repeating("move", header={"servo": 7})
+        let_go = link.stats.send.sent + 1  # one may be under way
+        wait_until(lambda: hears(3, 7) and link.stats.send.sent > let_go, "the other goes on")
         heard(BUS, port, 0.05)
-        assert {m.header["servo"] for m in heard(BUS, port, 0.2)} == {3}
+        found.clear()
+        for _ in rounds_for(0.2):
+            hears()
+        wait_until(lambda: hears(3), "only the other")
         link.emergency_stop()
+        let_go = link.stats.send.sent + 1
+        wait_until(lambda: hears(3) or link.stats.send.sent > let_go, "the stop leaves")
         heard(BUS, port, 0.05)
-        stops = heard(BUS, port, 0.2)
-        assert {m.header["servo"] for m in stops} == {1, 3, 7} and {m.fields["angle"] for m in stops} == {0.0}
+        found.clear()
+        wait_until(lambda: hears(1, 3, 7), "all stop")
+        assert {m.fields["angle"] for m in found} == {0.0}
         with pytest.raises(wirebond.StoppedError):
             link.send("move", header={"servo": 9}, angle=0.1)
     port.close()
@@ -318,7 +333,8 @@ def heard(codec: Codec, port: PtyPort, seconds: float = 0.0) -> list[Message]:
     """What the link wrote: for this long, or until a frame is there."""
     decoder = codec.decoder("host")
     found: list[Message] = []
-    end = time.monotonic() + (seconds or 5.0)
-    while time.monotonic() < end and (seconds or not found):
+    for _ in rounds_for(seconds) if seconds else moments("a frame"):
         found += decoder.feed(port.read(0.01))
+        if found and not seconds:
+            break
     return found

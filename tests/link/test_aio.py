@@ -6,29 +6,22 @@ import asyncio
 import gc
 import logging
 import threading
-import time
 import weakref
 from typing import Any
 
 import pytest
 
 import wirebond
-from tests.link.mcu import linked, wait_until
-from tests.link.protocol import manipulator
+from tests.link.mcu import linked
+from tests.link.protocol import manipulator, without_deadlines
 from tests.link.test_requests import BUS, VALUES, pose
+from tests.waiting import PATIENCE, let_pass, wait_until
 from wirebond import DeadlineEvent, LinkDownError, Message, RequestTimeoutError
 from wirebond.sim.pty_port import PtyPort
 
-pytestmark = pytest.mark.usefixtures("links")
+pytestmark = [pytest.mark.live, pytest.mark.usefixtures("links")]
 
-ARM = manipulator()
-
-
-async def ticks(seen: list[float]) -> None:
-    """Shows that the loop runs."""
-    while True:
-        seen.append(time.monotonic())
-        await asyncio.sleep(0.005)
+ARM = without_deadlines()
 
 
 def test_messages_come_by_async_for_until_the_link_is_closed() -> None:
@@ -54,18 +47,21 @@ def test_messages_come_by_async_for_until_the_link_is_closed() -> None:
 
 
 def test_the_loop_runs_while_a_task_waits() -> None:
-    async def program(link: wirebond.Link, seen: list[float]) -> None:
-        task = asyncio.create_task(ticks(seen))
+    async def program(link: wirebond.Link) -> None:
+        for waiting in (link.aio.receive(PATIENCE), link.aio.request("query", timeout=PATIENCE)):
+            task = asyncio.create_task(waiting)
+            for _ in range(20):  # the loop runs
+                await asyncio.sleep(0.005)
+            assert not task.done()
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
         with pytest.raises(TimeoutError):
             await link.aio.receive(0.3)
         with pytest.raises(RequestTimeoutError, match=r"no pose within 0\.3 s of query\. Nothing at all comes"):
             await link.aio.request("query", timeout=0.3)
-        task.cancel()
 
-    seen: list[float] = []
     with linked(ARM) as (link, _):
-        asyncio.run(program(link, seen))
-    assert len(seen) > 20
+        asyncio.run(program(link))
 
 
 def test_many_tasks_ask_at_once_and_get_their_own_replies() -> None:
@@ -74,7 +70,7 @@ def test_many_tasks_ask_at_once_and_get_their_own_replies() -> None:
 
     async def program(link: wirebond.Link) -> list[Message]:
         before = threading.active_count()
-        tasks = [asyncio.create_task(link.aio.request("read", index=i, timeout=10)) for i in range(200)]
+        tasks = [asyncio.create_task(link.aio.request("read", index=i, timeout=PATIENCE)) for i in range(200)]
         await asyncio.sleep(0)
         assert threading.active_count() <= before + 1  # the link's thread
         return await asyncio.gather(*tasks)
@@ -91,7 +87,7 @@ def test_each_task_asks_its_own_address() -> None:
         return BUS.encode("state", angle=servo / 10, voltage=0, header={"servo": servo})
 
     async def program(link: wirebond.Link) -> list[float]:
-        asking = (link.aio.request("ask", header={"servo": servo}, timeout=10) for servo in range(1, 20))
+        asking = (link.aio.request("ask", header={"servo": servo}, timeout=PATIENCE) for servo in range(1, 20))
         return [reply["angle"] for reply in await asyncio.gather(*asking)]
 
     with linked(BUS, answer) as (link, _):
@@ -112,7 +108,7 @@ def test_a_cancelled_task_loses_no_message() -> None:
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
         while len(got) < 200:
-            got.append((await link.aio.receive(10))["x"])
+            got.append((await link.aio.receive(PATIENCE))["x"])
         return got
 
     with linked(ARM) as (link, mcu):
@@ -121,14 +117,14 @@ def test_a_cancelled_task_loses_no_message() -> None:
 
 def test_a_cancelled_request_leaves_its_reply_to_others() -> None:
     async def program(link: wirebond.Link, send: Any) -> int:
-        task = asyncio.create_task(link.aio.request("query", timeout=60))
+        task = asyncio.create_task(link.aio.request("query", timeout=PATIENCE))
         while not link.stats.send.sent:  # it waits for its reply
             await asyncio.sleep(0.001)
         task.cancel()
         with pytest.raises(asyncio.CancelledError):
             await task
         send()
-        return int((await link.aio.receive(10))["x"])
+        return int((await link.aio.receive(PATIENCE))["x"])
 
     with linked(ARM) as (link, mcu):
         assert asyncio.run(program(link, lambda: mcu.send("pose", x=5))) == 5
@@ -136,14 +132,14 @@ def test_a_cancelled_request_leaves_its_reply_to_others() -> None:
 
 def test_a_reply_that_comes_as_its_request_is_cancelled_is_not_lost() -> None:
     async def program(link: wirebond.Link) -> int:
-        task = asyncio.create_task(link.aio.request("query", timeout=60))
+        task = asyncio.create_task(link.aio.request("query", timeout=PATIENCE))
         await asyncio.sleep(0)
         wait_until(lambda: link.latest("pose"), "the reply is here, and the loop was not told yet")
-        time.sleep(0.05)
+        let_pass(0.05)
         task.cancel()
         with pytest.raises(asyncio.CancelledError):
             await task
-        return int((await link.aio.receive(10))["x"])
+        return int((await link.aio.receive(PATIENCE))["x"])
 
     with linked(ARM, pose) as (link, _):
         assert asyncio.run(program(link)) == 41
@@ -164,7 +160,7 @@ def test_coroutine_handlers_run_in_the_loop_in_order(caplog: pytest.LogCaptureFi
             if len(seen) == 50:
                 all_seen.set()
 
-        async with link.aio, asyncio.timeout(20):
+        async with link.aio, asyncio.timeout(PATIENCE):
             send(range(50))
             await all_seen.wait()
             link.off(note)
@@ -204,12 +200,12 @@ def test_a_coroutine_handler_can_ask_and_close() -> None:
         @link.aio.on("pose")
         async def ask(message: Message) -> None:
             if message["x"] == 1:
-                replies.append((await link.aio.request("query", timeout=10))["x"])
+                replies.append((await link.aio.request("query", timeout=PATIENCE))["x"])
                 await link.aio.close()
                 closed.set()
 
         send()
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(PATIENCE):
             await closed.wait()
         return replies
 
@@ -228,9 +224,9 @@ def test_a_deadline_calls_a_coroutine() -> None:
             if not struck.done():
                 struck.set_result(event)
 
-        return await asyncio.wait_for(struck, 20)
+        return await asyncio.wait_for(struck, PATIENCE)
 
-    with linked(ARM) as (link, _):
+    with linked(manipulator()) as (link, _):
         event = asyncio.run(program(link))
         assert (event.action, event.struck) == ("warn", True)
 
@@ -248,9 +244,12 @@ def test_a_handler_whose_loop_has_ended_is_counted() -> None:
 
 def test_a_request_ends_when_the_link_is_closed() -> None:
     async def program(link: wirebond.Link) -> None:
-        asyncio.get_running_loop().call_later(0.05, link.close)
+        task = asyncio.create_task(link.aio.request("query", timeout=PATIENCE))
+        while not link.stats.send.sent:  # it waits for its reply
+            await asyncio.sleep(0.001)
+        link.close()
         with pytest.raises(LinkDownError, match="was closed before the reply to query came"):
-            await link.aio.request("query", timeout=60)
+            await task
 
     with linked(ARM) as (link, _):
         asyncio.run(program(link))
@@ -266,8 +265,8 @@ def test_typed_requests_and_handlers(diffdrive: Any) -> None:
         async def note(received: Any) -> None:
             seen.set_result(received)
 
-        assert await link.aio.request(diffdrive.StatusQuery(), timeout=10) == status
-        assert await asyncio.wait_for(seen, 20) == status
+        assert await link.aio.request(diffdrive.StatusQuery(), timeout=PATIENCE) == status
+        assert await asyncio.wait_for(seen, PATIENCE) == status
 
     with linked(diffdrive.codec, lambda _: status.encode()) as (link, _):
         asyncio.run(program(link))

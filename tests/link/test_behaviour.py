@@ -11,7 +11,10 @@ import pytest
 import wirebond
 from tests.link.drivers import Driver, PythonDriver, ThreadDriver, VirtualDriver
 from tests.link.protocol import manipulator
+from tests.waiting import moments
 from wirebond.errors import LinkDownError, StoppedError
+
+pytestmark = pytest.mark.live
 
 Make = Callable[..., Driver]
 FULL_SPEED = {"speed": 1000, "turn": 7}
@@ -68,7 +71,7 @@ def test_frames_of_other_messages_are_neither_dropped_nor_before_the_stop(make: 
 
 def test_stopped_messages_are_refused_until_the_release_which_sends_nothing(make: Make) -> None:
     link = make()
-    link.repeat("drive", hold=5, **FULL_SPEED)
+    link.repeat("drive", hold=60, **FULL_SPEED)
     link.emergency_stop()
     with pytest.raises(StoppedError):
         link.send("drive", **FULL_SPEED)
@@ -80,7 +83,7 @@ def test_stopped_messages_are_refused_until_the_release_which_sends_nothing(make
     assert link.stats()["send"]["refused_stopped"] == 2
     link.run_until(lambda: link.names().count("drive") >= 3, "the stop is repeated")
     link.release_stop()
-    link.run(0.1)
+    link.settle()
     before = link.messages()
     link.run(0.3)
     assert link.messages() == before  # neither the stop nor the old lease goes on
@@ -93,14 +96,14 @@ def test_a_stop_is_repeated_at_each_messages_rhythm(make: Make) -> None:
     link = make()
     link.emergency_stop()
     link.run_until(lambda: link.names().count("drive") >= 11, "11 stops of drive")
-    names = link.names()
-    # drive has 20 ms, arm has none: 50 ms.
-    assert 3 <= names.count("arm") <= 6
+    # drive has 20 ms, arm has none: 50 ms. A thread that is late every time sends both each time.
+    least, most = (3, 6) if isinstance(link, VirtualDriver) else (2, 12)
+    assert least <= link.names().count("arm") <= most
 
 
 def test_a_second_stop_is_sent_at_once_and_changes_nothing_else(make: Make) -> None:
     link = make()
-    for _ in range(20):  # until the second stop came before the first one was repeated
+    for _ in moments("a second stop at once"):  # until the second stop came before the first one was repeated
         before = len(link.messages())
         link.emergency_stop()
         link.run_until(lambda before=before: link.names()[before:][:2] == ["arm", "drive"], "the stop arrives")
@@ -112,9 +115,7 @@ def test_a_second_stop_is_sent_at_once_and_changes_nothing_else(make: Make) -> N
         # Repeats alone: drive at 20 ms and at 40 ms, arm at 50 ms.
         if link.names()[before:][:4] == ["arm", "drive", "arm", "drive"]:
             break
-        link.run(0.1)  # what was under way arrives
-    else:
-        pytest.fail("no second stop was sent at once")
+        link.settle()
     assert all(message in STOP for message in link.messages())
     link.send("drive", **FULL_SPEED)  # one release is enough
     link.run_until(lambda: link.messages()[-1] == ("drive", FULL_SPEED), "it drives again")
@@ -151,9 +152,10 @@ def test_a_stop_that_was_under_way_or_done_when_the_port_went_is_sent_again(make
 
 def test_a_lease_ends_with_the_safe_value_before_a_full_queue(make: Make) -> None:
     link = make()
-    link.repeat("drive", hold=0.1, **FULL_SPEED)
+    link.repeat("drive", hold=60, **FULL_SPEED)
     link.fill_queue("note", number=1, text=b"x" * 100)
     link.fill_queue("drive", **FULL_SPEED)  # into what is left
+    link.repeat("drive", hold=0.1, **FULL_SPEED)
     link.run_until(lambda: ("drive", STOP[1][1]) in link.messages(), "the safe value arrives")
     link.run(0.1)
     found = [message for message in link.messages() if message[0] == "drive"]
@@ -174,11 +176,13 @@ def test_a_lease_that_ended_holds_nothing(make: Make) -> None:
 def test_a_value_without_a_safe_value_falls_silent(make: Make) -> None:
     link = make()
     link.repeat("lamp", hold=0.05, level=9)
-    link.run_until(lambda: link.names().count("lamp") >= 3, "the lamp is repeated")
+    link.run_until(lambda: "lamp" in link.names(), "the lamp")
     link.run(0.2)
+    link.settle()
     before = link.messages()
     link.run(0.2)
     assert link.messages() == before
+    assert len(before) >= (3 if isinstance(link, VirtualDriver) else 1)  # others may pause for longer than the lease
     assert set(link.names()) == {"lamp"}
 
 
@@ -186,20 +190,19 @@ def test_a_repeated_value_has_one_place_in_the_queue_and_leaves_with_the_newest_
     link = make()
     for number in range(40):
         link.send("note", number=number, text=b"x" * 100)  # 0.4 s of line
-    link.repeat("lamp", hold=5, level=1)
-    link.run(0.1)
-    link.repeat("lamp", hold=5, level=2)
+    link.repeat("lamp", hold=60, level=1)
+    link.run_until(lambda: link.stats()["send"]["replaced"] >= 5, "the lamp waits")
+    link.repeat("lamp", hold=60, level=2)
     link.run_until(lambda: "lamp" in link.names(), "the lamp arrives")
     lamps = [fields["level"] for name, fields in link.messages() if name == "lamp"]
     assert lamps[0] == 2
-    assert link.stats()["send"]["replaced"] >= 5
 
 
 def test_stop_repeating_drops_what_waits_and_sends_no_last_value(make: Make) -> None:
     link = make()
     for number in range(20):
         link.send("note", number=number, text=b"x" * 100)
-    link.repeat("drive", hold=5, **FULL_SPEED)
+    link.repeat("drive", hold=60, **FULL_SPEED)
     link.stop_repeating("drive")
     link.run_until(lambda: link.names().count("note") == 20, "the notes arrive")
     link.run(0.1)
@@ -234,8 +237,10 @@ def test_closing_sends_no_second_safe_value(make: Make) -> None:
     link.send("drive", **FULL_SPEED)
     link.emergency_stop()
     link.release_stop()
+    link.repeat("drive", hold=60, speed=5, turn=0)
+    link.run_until(lambda: ("drive", {"speed": 5, "turn": 0}) in link.messages(), "it drives")
     link.repeat("drive", hold=0.02, speed=5, turn=0)
-    link.run_until(lambda: ("drive", {"speed": 5, "turn": 0}) in link.messages()[:-1], "the lease ends")
+    link.run_until(lambda: link.messages()[-1] == STOP[1], "the lease ends")
     before = link.messages()
     link.close()
     assert link.messages() == before
@@ -243,7 +248,7 @@ def test_closing_sends_no_second_safe_value(make: Make) -> None:
 
 def test_a_value_that_a_program_stopped_repeating_is_made_safe_at_the_end(make: Make) -> None:
     link = make()
-    link.repeat("drive", hold=5, **FULL_SPEED)
+    link.repeat("drive", hold=60, **FULL_SPEED)
     link.run_until(lambda: "drive" in link.names(), "it arrives")
     link.stop_repeating("drive")
     link.close()
@@ -277,6 +282,7 @@ def test_releasing_control_makes_safe_what_moved_and_more_may_be_sent(make: Make
     link.run_until(lambda: "lamp" in link.names() and "drive" in link.names(), "both arrive")
     link.release_control()
     link.run_until(lambda: STOP[1] in link.messages(), "the safe value arrives")
+    link.settle()
     before = link.messages()
     link.run(0.1)  # five times the rhythm of `drive`, and ten of the lamp's
     assert link.messages() == before
@@ -353,10 +359,17 @@ def test_an_explicit_deadline_holds_its_message_back_until_recover(make: Make) -
     assert link.receive() == []
     assert link.state() == "up"  # the line is not silent
     assert link.deadlines() == {"warn": True, "halt": True}
-    link.recover("halt")
-    assert link.deadlines() == {"warn": False, "halt": False}
-    link.answer(pose)
-    link.run_until(lambda: len(link.receive()) == 1, "given again")
+
+    def acts_again() -> bool:
+        link.recover("halt")
+        has_recovered = link.deadlines() == {"warn": False, "halt": False}
+        link.answer(pose)
+        link.run(0.05)
+        return has_recovered and link.receive() != []
+
+    if isinstance(link, VirtualDriver):
+        assert acts_again()
+    link.run_until(acts_again, "given again; silence may strike in between where the machine pauses")
 
 
 def test_a_deadline_that_strikes_before_its_message_ever_came_holds_nothing_back(make: Make) -> None:

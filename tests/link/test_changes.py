@@ -13,15 +13,19 @@ import pytest
 
 import wirebond
 from tests.link.drivers import no_engine_ports
-from tests.link.mcu import Mcu, linked, wait_until
-from tests.link.protocol import manipulator
-from tests.shared import PATIENCE, ROOT
+from tests.link.mcu import Mcu, linked
+from tests.link.protocol import manipulator, without_deadlines
+from tests.shared import ROOT
+from tests.waiting import PATIENCE, Stopwatch, wait_until
 from wirebond import _engine
 from wirebond.link.attention import Attention
 from wirebond.link.python_link import PythonLink
 from wirebond.link.settings import engine_settings
 
+pytestmark = pytest.mark.live
+
 ARM = manipulator()
+CALM = without_deadlines()
 SERVED = wirebond.load(ROOT / "protocols" / "native.yaml")
 
 
@@ -88,13 +92,17 @@ def test_who_waits_for_changes_sleeps_until_there_is_one() -> None:
     with linked(SERVED) as (link, _), linked(ARM) as (arm, _):
         arm.on_deadline("halt")(struck.append)
         wait_until(lambda: link.stats.send.sent, "it says hello")
+        watch = Stopwatch()
         before = _wakes("services of"), _wakes("handlers of")
         wait_until(lambda: struck, "it strikes after a second")
         after = _wakes("services of"), _wakes("handlers of")
-    assert after[0] - before[0] <= 8  # hello again, the clock that is not answered; 10 where it looks every 100 ms
-    assert after[1] - before[1] <= 20  # 100 where it looks every 10 ms
+        seconds = max(1.0, watch.seconds)
+    # Hello again, the clock that is not answered; 10 a second where it looks every 100 ms.
+    assert after[0] - before[0] <= 8 * seconds
+    assert after[1] - before[1] <= 20 * seconds  # 100 where it looks every 10 ms
 
 
+@pytest.mark.timed(tolerance=0.08)
 @pytest.mark.usefixtures("ports")
 def test_hello_is_said_as_soon_as_the_port_is_open_again(tmp_path: Path) -> None:
     place = tmp_path / "tty"
@@ -123,7 +131,7 @@ def test_a_signal_that_raises_in_a_link_in_python_loses_no_message() -> None:
 
     steps = (PythonLink.receive, PythonLink._receive, Attention.wait, Attention._wait_for)
     opcodes = {step.__code__: {i.offset: i.opname for i in dis.get_instructions(step)} for step in steps}
-    with no_engine_ports(), linked(ARM) as (link, mcu):
+    with no_engine_ports(), linked(CALM) as (link, mcu):
         at = 0
         has_raised = True
         while has_raised:
@@ -154,5 +162,5 @@ def test_a_signal_that_raises_in_a_link_in_python_loses_no_message() -> None:
                 pass
             finally:
                 sys.settrace(None)
-            assert [m["x"] for m in link.receive(5)] == [at]
+            assert [m["x"] for m in link.receive(PATIENCE)] == [at]
     assert at > 8  # places were tried

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import random
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Self
@@ -15,12 +14,13 @@ import pytest
 import wirebond
 import wirebond.link.settings
 from tests.link.protocol import manipulator
-from tests.shared import PATIENCE, account_closes, few_or_many
+from tests.shared import account_closes, few_or_many
+from tests.waiting import let_pass, wait_until
 from wirebond import LinkDownError, PortError, QueueFullError
 from wirebond.link import python_link, python_ports
 from wirebond.sim.pty_port import PtyPort
 
-pytestmark = pytest.mark.usefixtures("ports")
+pytestmark = [pytest.mark.live, pytest.mark.usefixtures("ports")]
 
 
 class Device:
@@ -134,23 +134,23 @@ def test_it_always_comes_back_and_sends_nothing_of_before(
     opened = wirebond.open(manipulator(), "usb:1a86:55d3", 2_000_000, hold_back=False)
     with opened as link, Writer(link) as writer:
         for event in range(number):
-            wait_until(lambda: len(device.heard) > 5 and link.state == "up", link, event)
+            wait(lambda: len(device.heard) > 5 and link.state == "up", link, event)
             kind = source.choice(["unplug", "rename", "restart"])
             if kind == "restart":
                 device.restart()
-                time.sleep(source.uniform(0, 0.02))
+                let_pass(source.uniform(0, 0.02))
                 continue
             away += 1
             name[0].unlink()
             device.unplug()
-            wait_until(lambda: link.state == "down", link, event)
+            wait(lambda: link.state == "down", link, event)
             before = writer.number
-            time.sleep(source.uniform(0, 0.1))
+            let_pass(source.uniform(0, 0.1))
             if kind == "rename":
                 name[0] = tmp_path / f"ttyUSB{event + 1}"
             name[0].symlink_to(device.plug_in())
             poses = writer.poses
-            wait_until(lambda poses=poses: len(device.heard) > 0 and writer.poses > poses, link, event)
+            wait(lambda poses=poses: len(device.heard) > 0 and writer.poses > poses, link, event)
             assert min(device.heard) > before, (kind, event)
     stats = link.stats
     assert stats.reconnects == away > 0
@@ -160,11 +160,8 @@ def test_it_always_comes_back_and_sends_nothing_of_before(
     assert send.accepted == send.sent + send.replaced + send.expired + send.overruled + send.aborted
 
 
-def wait_until(holds: Callable[[], bool], link: wirebond.Link, event: int) -> None:
-    end = time.monotonic() + PATIENCE
-    while not holds():
-        assert time.monotonic() < end, f"event {event}: {link!r} {link.why}"
-        time.sleep(0.001)
+def wait(holds: Callable[[], bool], link: wirebond.Link, event: int) -> None:
+    wait_until(holds, lambda: f"event {event}: {link!r} {link.why}")
 
 
 def test_the_process_keeps_no_descriptor_of_a_port_that_went_away(tmp_path: Path) -> None:
@@ -174,10 +171,10 @@ def test_the_process_keeps_no_descriptor_of_a_port_that_went_away(tmp_path: Path
             port = PtyPort()
             assert descriptors_of(port.path) == 1  # the port's own
             name.symlink_to(port.path)
-            wait_until(lambda path=port.path: link.state != "down" and descriptors_of(path) == 2, link, event)
+            wait(lambda path=port.path: link.state != "down" and descriptors_of(path) == 2, link, event)
             name.unlink()
             port.close()
-            wait_until(lambda path=port.path: link.state == "down" and descriptors_of(path) == 0, link, event)
+            wait(lambda path=port.path: link.state == "down" and descriptors_of(path) == 0, link, event)
 
 
 @pytest.mark.parametrize("moment", ["while it is tried", "before the loss shows"])
@@ -197,7 +194,7 @@ def test_a_device_that_appears_at_the_worst_moment_is_noticed(
             (tmp_path / "new").symlink_to(port.path)
             (tmp_path / "new").rename(name)
             before.close()
-            wait_until(lambda: descriptors_of(port.path) == 2, link, 0)
+            wait(lambda: descriptors_of(port.path) == 2, link, 0)
     else:
         opens = python_ports.PythonOpener.open
 
@@ -211,7 +208,7 @@ def test_a_device_that_appears_at_the_worst_moment_is_noticed(
 
         monkeypatch.setattr(python_ports.PythonOpener, "open", open_and_appear)
         with wirebond.open(manipulator(), name, wait_for_port=True) as link:
-            wait_until(lambda: descriptors_of(port.path) == 2, link, 0)
+            wait(lambda: descriptors_of(port.path) == 2, link, 0)
     port.close()
 
 

@@ -14,6 +14,7 @@ import pytest
 import wirebond
 from tests.shared import PROTOCOLS, codec
 from tests.streams import chunks, hard_stream, random_frame
+from tests.waiting import PATIENCE
 from wirebond import Codec, Dump, _engine
 from wirebond.cli.main import main
 from wirebond.link.dump import Piece
@@ -147,6 +148,7 @@ def pty() -> Any:
     port.close()
 
 
+@pytest.mark.live
 def test_a_link_gives_its_last_bytes(pty: PtyPort) -> None:
     described = codec("diffdrive")
     status = described.encode("status", {"battery": 12.0, "errors": [], "state": []})
@@ -156,7 +158,7 @@ def test_a_link_gives_its_last_bytes(pty: PtyPort) -> None:
         while len(asked) < len(described.encode("status_query")):  # its frame leaves before the answer comes
             asked += pty.read(10.0)
         pty.write(b"\x01\x02" + status)
-        (message,) = link.receive(10.0)
+        (message,) = link.receive(PATIENCE)
         dump = link.dump()
     frames = {e.direction: e for e in dump.entries if e.kind == "frame"}
     assert frames["received"].message is not None
@@ -167,6 +169,7 @@ def test_a_link_gives_its_last_bytes(pty: PtyPort) -> None:
     assert {e.kind for e in dump.entries if e.direction == "port"} == {"up"}
 
 
+@pytest.mark.live
 def test_the_command_and_monitor_write_it(
     pty: PtyPort, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -8,9 +8,8 @@ from typing import Any
 import pytest
 
 import wirebond
-from tests.link.mcu import wait_until
 from tests.link.protocol import TEXT, manipulator
-from tests.shared import PATIENCE
+from tests.waiting import PATIENCE, wait_until
 from wirebond import _engine
 from wirebond.analysis.diagnosis import Kind, diagnose, diagnose_dump
 from wirebond.cli.commands.dump import dump_text
@@ -19,6 +18,8 @@ from wirebond.link import Dump
 from wirebond.link.dump import Piece
 from wirebond.link.settings import engine_settings
 from wirebond.protocol.model import End
+
+pytestmark = pytest.mark.live
 
 CODEC = manipulator(", echo: true")
 ADAPTER = 0.016  # seconds

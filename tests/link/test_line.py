@@ -15,7 +15,7 @@ import wirebond
 from tests.link.protocol import manipulator
 from wirebond.sim.pty_port import PtyPort
 
-pytestmark = pytest.mark.usefixtures("ports")
+pytestmark = [pytest.mark.live, pytest.mark.usefixtures("ports")]
 
 ARM = manipulator()
 

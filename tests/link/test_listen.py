@@ -13,10 +13,12 @@ from pathlib import Path
 import pytest
 
 import wirebond
-from tests.link.mcu import wait_until
 from tests.shared import ROOT, codec
+from tests.waiting import PATIENCE, wait_until
 from wirebond import PortError
 from wirebond.sim.pty_port import PtyPort
+
+pytestmark = pytest.mark.live
 
 ROVER = codec("diffdrive")
 VELOCITY = ROVER.encode("velocity", linear=0.5, angular=0)
@@ -39,11 +41,11 @@ def test_each_message_comes_with_who_sent_it_in_the_order_of_the_line(taps: tupl
         for _ in range(3):
             for tap, frame in ((host, VELOCITY), (mcu, ODOMETRY)):
                 tap.write(frame)
-                got += line.receive(10)
+                got += line.receive(PATIENCE)
         assert [(sender, message.name) for sender, message in got] == [("host", "velocity"), ("mcu", "odometry")] * 3
         assert line.receive(0.01) == []
         mcu.write(VELOCITY + ODOMETRY)  # an id that the MCU does not send
-        names = [(h.sender, h.message.name) for h in line.receive(10)]
+        names = [(h.sender, h.message.name) for h in line.receive(PATIENCE)]
         assert names[-1] == ("mcu", "odometry")
         assert ("mcu", "velocity") not in names
         assert [link.stats.send.offered for link in line.links.values()] == [0, 0]
@@ -57,7 +59,7 @@ def test_nothing_is_said_where_the_file_maps_hello_and_clock(taps: tuple[PtyPort
         host.write(native.encode("hello", protocol_hash=5, version=1, sender="host"))
         mcu.write(native.encode("hello", protocol_hash=5, version=1, sender="mcu"))
         wait_until(lambda: [link.peer.hash for link in line.links.values()] == [5, 5], "both hellos")
-        assert {h.sender for h in line.receive(10)} == {"host", "mcu"}
+        assert {h.sender for h in line.receive(PATIENCE)} == {"host", "mcu"}
     assert host.read(0) + mcu.read(0) == b""
 
 
@@ -70,7 +72,7 @@ def test_a_loop_ends_when_it_is_closed(taps: tuple[PtyPort, PtyPort]) -> None:
     host.write(VELOCITY)
     wait_until(lambda: heard, "the velocity")
     line.close()
-    thread.join(10)
+    thread.join(PATIENCE)
     assert (thread.is_alive(), heard) == (False, ["host"])
 
 

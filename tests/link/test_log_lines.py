@@ -10,15 +10,18 @@ import pytest
 from rich.console import Console
 
 import wirebond
-from tests.link.mcu import linked, wait_until
+from tests.link.mcu import linked
 from tests.link.protocol import manipulator
 from tests.shared import codec
+from tests.waiting import PATIENCE, wait_until
 from wirebond import LogEvent, UsageError
 from wirebond.cli.dashboard import Dashboard
 from wirebond.cli.shown import log_text
 from wirebond.link.log_lines import MOST_A_SECOND, LineLimit
 from wirebond.protocol import loads
 from wirebond.protocol.log import LogLine
+
+pytestmark = pytest.mark.live
 
 NATIVE = codec("native")
 BY_NUMBER = wirebond.Codec(
@@ -68,7 +71,7 @@ def test_lines_whose_text_is_in_the_file_are_handled_too() -> None:
         mcu.send("hot", motor=3)
         wait_until(lambda: events, "the line")
         assert events[0].line == LogLine("warning", "motor 3 is hot")
-        assert [m.name for m in link.receive(1.0)] == ["state"]
+        assert [m.name for m in link.receive(PATIENCE)] == ["state"]
 
 
 def test_coroutines_handle_lines() -> None:
@@ -81,7 +84,7 @@ def test_coroutines_handle_lines() -> None:
                 found.set_result(event)
 
             mcu.write(said("info", "no") + said("error", "yes"))
-            return await asyncio.wait_for(found, 20)
+            return await asyncio.wait_for(found, PATIENCE)
 
     assert asyncio.run(wait_for_line()).line == LogLine("error", "yes")
 

@@ -8,6 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.waiting import PATIENCE
+
+pytestmark = pytest.mark.live
+
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = """
 import threading, time
@@ -40,6 +44,6 @@ time.sleep({pause})
 def test_daemon_threads_that_open_links_do_not_abort_the_end(pause: float) -> None:
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM.replace("{pause}", str(pause))],
-        cwd=ROOT, capture_output=True, text=True, timeout=20, check=False,
+        cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE, check=False,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")

@@ -13,10 +13,11 @@ import wirebond
 from tests.link.mcu import linked
 from tests.link.protocol import manipulator
 from tests.shared import codec
+from tests.waiting import wait_until
 from wirebond import MessageError, ParameterError, RequestTimeoutError, UsageError
 from wirebond.protocol import loads
 
-pytestmark = pytest.mark.usefixtures("links")
+pytestmark = [pytest.mark.live, pytest.mark.usefixtures("links")]
 
 NATIVE = codec("native")
 NAMED = wirebond.Codec(
@@ -147,6 +148,7 @@ def test_a_read_is_asked_three_times_and_a_set_once() -> None:
             link.parameters.get("kp", timeout=0.05)
         with pytest.raises(RequestTimeoutError, match=r"no value within 0\.05 s of set"):
             link.parameters.set("kp", 1, timeout=0.05)
+        wait_until(lambda: len(mcu.heard) == 4, "all are heard")
         assert [m.name for m in mcu.heard] == ["read", "read", "read", "set"]
 
 
@@ -158,7 +160,7 @@ def test_an_answer_that_was_lost_is_asked_for_again() -> None:
         return b"" if len(asked) == 1 else mcu(message)
 
     with linked(NAMED, forgetful) as (link, _):
-        assert link.parameters.get("kp", timeout=0.2) == 5
+        assert link.parameters.get("kp", timeout=1) == 5
 
 
 def test_a_file_without_the_service_says_so() -> None:

@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -16,9 +15,12 @@ import pytest
 
 import wirebond
 from tests.link.protocol import manipulator
-from tests.shared import PATIENCE, few_or_many
+from tests.shared import few_or_many
+from tests.waiting import PATIENCE, let_pass, moments, wait_until
 from wirebond.server import Server
 from wirebond.sim.pty_port import PtyPort
+
+pytestmark = pytest.mark.live
 
 ROOT = Path(__file__).resolve().parents[2]
 FAST = {"speed": 1000, "turn": 7}
@@ -121,10 +123,10 @@ class Program:
 
     def end(self) -> tuple[int, str]:
         """Read until it has ended and the pty is empty; its exit code, and what it said."""
-        until = time.monotonic() + PATIENCE
-        while self._process.poll() is None:
+        for _ in moments("the end of the program"):
+            if self._process.poll() is not None:
+                break
             self.read()
-            assert time.monotonic() < until, "the program does not end"
         before = -1
         while before != len(self.data):
             before = len(self.data)
@@ -213,9 +215,7 @@ def test_the_safe_value_leaves_when_a_link_is_collected(port: PtyPort, way: str)
     program = Program(port, f"{BEGIN}{way}\nprint('collected', flush=True)\nsys.stdin.readline()\n")
     program.wait_for("ready")
     program.wait_for("collected")
-    until = time.monotonic() + PATIENCE
-    while SAFE not in program.drives() and time.monotonic() < until:
-        program.read()
+    wait_until(lambda: program.read() or SAFE in program.drives(), "the safe value")
     assert program.drives()[-1] == SAFE  # while the program goes on
     program.tell()
     assert program.end() == (0, "")
@@ -382,11 +382,8 @@ def test_a_forked_child_sends_nothing(port: PtyPort, end: str, more: str, ports:
     program = Program(port, ports + begin + more + FORK.format(end=end, code=1 if "raise" in end else 0))
     program.wait_for("ready")
     program.wait_for("waited")
-    until = time.monotonic() + PATIENCE
     lamp = manipulator().encode("lamp", level=1)
-    while lamp not in program.data and time.monotonic() < until:
-        program.read()
-    assert lamp in program.data  # the parent's link lives
+    wait_until(lambda: program.read() or lamp in program.data, "the lamp: the parent's link lives")
     assert set(map(str, program.drives())) == {str(FAST)}  # nobody stopped it
     program.tell()
     assert program.end()[0] == 0
@@ -397,7 +394,7 @@ def test_a_forked_child_does_not_keep_the_port(port: PtyPort) -> None:
     link = wirebond.open(manipulator(), port.path)
     child = os.fork()
     if child == 0:
-        time.sleep(60)
+        let_pass(PATIENCE)
         os._exit(0)
     try:
         link.close()

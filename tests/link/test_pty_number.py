@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import termios
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,18 +11,18 @@ from pathlib import Path
 import pytest
 
 import wirebond
-from tests.shared import PATIENCE, codec
+from tests.shared import codec
+from tests.waiting import moments, wait_until
 from wirebond.sim.pty_port import PtyPort
 
-pytestmark = pytest.mark.usefixtures("ports")
+pytestmark = [pytest.mark.live, pytest.mark.usefixtures("ports")]
 _LOCAL_MODES = 3
 
 
 @contextmanager
 def terminal_with_the_path(path: str) -> Iterator[int]:
     """As a program that opens a terminal, until it gets this one. (Other tests may have the number for a while.)"""
-    end = time.monotonic() + PATIENCE
-    while True:
+    for _ in moments("nobody gives the number back"):
         controller, terminal = os.openpty()
         try:
             if os.ttyname(terminal) == path:
@@ -32,15 +31,10 @@ def terminal_with_the_path(path: str) -> Iterator[int]:
         finally:
             os.close(controller)
             os.close(terminal)
-        assert time.monotonic() < end, "nobody gives the number back"
-        time.sleep(0.01)
 
 
 def why_when_refused(link: wirebond.Link) -> str:
-    end = time.monotonic() + PATIENCE
-    while "another program's terminal" not in link.why:
-        assert time.monotonic() < end, (link.state, link.why)
-        time.sleep(0.01)
+    wait_until(lambda: "another program's terminal" in link.why, lambda: (link.state, link.why))
     return link.why
 
 
@@ -68,7 +62,4 @@ def test_a_new_link_to_a_pty_with_the_same_number_is_followed(tmp_path: Path) ->
         with terminal_with_the_path(port.path):
             name.unlink()
             name.symlink_to(port.path)
-            end = time.monotonic() + PATIENCE
-            while link.stats.reconnects == 0:
-                assert time.monotonic() < end, (link.state, link.why)
-                time.sleep(0.01)
+            wait_until(lambda: link.stats.reconnects, lambda: (link.state, link.why))

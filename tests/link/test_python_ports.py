@@ -13,6 +13,8 @@ from wirebond.link.devices.port_name import port_name
 from wirebond.link.python_ports import LineSettings, PythonOpener
 from wirebond.sim.pty_port import PtyPort
 
+pytestmark = pytest.mark.live
+
 
 def test_a_tty_that_goes_away_while_it_is_set_up_is_a_port_that_cannot_be_opened(
     monkeypatch: pytest.MonkeyPatch,

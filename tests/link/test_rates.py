@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -12,9 +11,10 @@ import pytest
 
 import wirebond
 from tests.link.drivers import balances
-from tests.link.mcu import linked, wait_until
+from tests.link.mcu import linked
 from tests.link.protocol import manipulator
-from tests.shared import PATIENCE, account_closes, codec
+from tests.shared import account_closes, codec
+from tests.waiting import moments, wait_until
 from wirebond import Codec, LinkStats, QueueFullError, SequenceStats, UsageError
 from wirebond.codec import Stats
 from wirebond.link import SendStats
@@ -22,6 +22,8 @@ from wirebond.link.rates import LONGEST_WINDOW, RateMeter, rates_between
 from wirebond.protocol import loads
 from wirebond.protocol.model import End, Protocol
 from wirebond.sim.pty_port import PtyPort
+
+pytestmark = pytest.mark.live
 
 
 def look(
@@ -85,7 +87,7 @@ def test_what_is_sent_is_compared_with_its_schedule() -> None:
 @pytest.mark.usefixtures("ports")
 def test_a_link_counts_what_left_by_message() -> None:
     with linked(manipulator()) as (link, mcu):
-        link.repeat("lamp", level=1, hold=0.3)
+        link.repeat("lamp", level=1, hold=60)
         for number in range(5):
             link.send("note", number=number)
         wait_until(lambda: link.stats.send.messages.get("lamp", 0) >= 5, "the lamp is repeated")
@@ -169,15 +171,13 @@ def test_both_sums_close_at_any_moment_under_load(pty: PtyPort) -> None:
         for thread in threads:
             thread.start()
         try:
-            looked = 0
-            end = time.monotonic() + PATIENCE
-            while looked < 300 or link.stats.send.refused_full == 0 or link.stats.receive.frames < 1000:
-                assert time.monotonic() < end
+            for looked, _ in enumerate(moments("a load")):
                 stats = link.stats
+                if looked >= 300 and stats.send.refused_full and stats.receive.frames >= 1000:
+                    break
                 assert account_closes(stats.receive)
                 assert balances(stats.send)
                 link.receive(0)
-                looked += 1
             rates = link.rates()
         finally:
             ends.set()

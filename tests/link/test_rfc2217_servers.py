@@ -12,11 +12,12 @@ from contextlib import contextmanager
 import pytest
 
 import wirebond
-from tests.link.mcu import wait_until
 from tests.link.protocol import manipulator
+from tests.waiting import wait_until
 from wirebond.link.rfc2217 import Telnet
 
 pytestmark = [
+    pytest.mark.live,
     pytest.mark.filterwarnings("ignore:set.* is deprecated"),  # of pyserial's RFC 2217
     pytest.mark.filterwarnings("error::pytest.PytestUnhandledThreadExceptionWarning"),
 ]

@@ -11,13 +11,13 @@ from contextlib import ExitStack, contextmanager
 import pytest
 
 import wirebond
-from tests.link.mcu import wait_until
 from tests.shared import ROOT, codec
+from tests.waiting import PATIENCE, wait_until
 from wirebond import DeadlineEvent, Message, MessageError, UsageError
 from wirebond.protocol import loads
 from wirebond.sim.pty_port import PtyPort
 
-pytestmark = pytest.mark.usefixtures("links")
+pytestmark = [pytest.mark.live, pytest.mark.usefixtures("links")]
 
 ROVER = codec("diffdrive")
 SERVOS = codec("servo_bus")
@@ -67,7 +67,7 @@ def test_requests_are_answered_and_messages_go_both_ways() -> None:
         def drive(message: Message) -> None:
             speeds.append(message["linear"])
 
-        reply = host.request("status_query", timeout=10)
+        reply = host.request("status_query", timeout=PATIENCE)
         assert (reply["battery"], reply["errors"]) == (12.5, ["encoder"])
         host.repeat("velocity", linear=0.5, angular=0)
         wait_until(lambda: 0.0 in speeds, "the lease ends with the safe value")
@@ -155,13 +155,13 @@ def test_it_has_the_address_of_one_device() -> None:
         def answer(_: Message) -> None:
             mcu.send("pose", angle=0.25)
 
-        assert host.request("read", timeout=10, header={"servo": 3}).header["servo"] == 3
+        assert host.request("read", timeout=PATIENCE, header={"servo": 3}).header["servo"] == 3
         host.send("move", angle=1, time=1, header={"servo": 4})
         host.send("move", angle=2, time=1, header={"servo": 3})
         host.send("move", angle=-1, time=1, header={"servo": 0xFE})  # a broadcast
         got: list[Message] = []
         while len(got) < 2:
-            got += mcu.receive(10)
+            got += mcu.receive(PATIENCE)
         assert [m["angle"] for m in got] == [2, -1]
         assert mcu.stats.receive.foreign_frames == 1
         with pytest.raises(UsageError, match="the broadcast of servo"):
@@ -177,7 +177,7 @@ def test_a_viewer_of_the_mcus_side_hears_every_address_and_answers_for_any() -> 
 
         with wirebond.open(SERVOS, a.path) as host:
             for servo in (2, 9):
-                assert host.request("read", timeout=10, header={"servo": servo})["angle"] == 0.5
+                assert host.request("read", timeout=PATIENCE, header={"servo": servo})["angle"] == 0.5
 
 
 def test_hello_is_answered_and_another_file_of_the_host_is_told() -> None:
@@ -199,7 +199,7 @@ def test_hello_is_answered_and_another_file_of_the_host_is_told() -> None:
 def test_a_dump_names_the_frames_of_both_directions() -> None:
     with both(ROVER) as (host, mcu):
         host.send("velocity", linear=0.5, angular=0)
-        assert mcu.receive(10)[0].name == "velocity"
+        assert mcu.receive(PATIENCE)[0].name == "velocity"
         mcu.send("odometry", left_ticks=1, right_ticks=2)
         wait_until(lambda: mcu.stats.send.sent == 1, "the odometry leaves")
         frames = [(e.direction, e.message and e.message.name) for e in mcu.dump().entries if e.kind == "frame"]
@@ -216,6 +216,6 @@ messages:
 """
     with both(wirebond.Codec(loads(text))) as (host, mcu):
         mcu.send("say", word=7)
-        assert host.receive(10)[0].raw[:2] == b"\x55\xaa"
+        assert host.receive(PATIENCE)[0].raw[:2] == b"\x55\xaa"
         host.send("say", word=8)
-        assert mcu.receive(10)[0].raw[:2] == b"\xaa\x55"
+        assert mcu.receive(PATIENCE)[0].raw[:2] == b"\xaa\x55"

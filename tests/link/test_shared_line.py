@@ -10,6 +10,7 @@ import pytest
 
 import wirebond
 from tests.shared import PROTOCOLS, codec
+from tests.waiting import PATIENCE, wait_until
 from wirebond import Codec, UsageError
 from wirebond.cli.main import main
 from wirebond.link.shared_line import SharedLine
@@ -132,6 +133,7 @@ VALUES: dict[str, dict[str, object]] = {
 }
 
 
+@pytest.mark.live
 def test_listen_reads_one_port_that_hears_both() -> None:
     port = PtyPort()
     with wirebond.listen(ROVER, port=port.path) as line:
@@ -143,7 +145,7 @@ def test_listen_reads_one_port_that_hears_both() -> None:
         ):
             port.write(frame)
         while len(got) < 2:
-            more = line.receive(10)
+            more = line.receive(PATIENCE)
             assert more
             got += more
         assert [(h.sender, h.message.name) for h in got] == [("host", "velocity"), ("mcu", "odometry")]
@@ -156,6 +158,7 @@ def test_listen_reads_one_port_that_hears_both() -> None:
         wirebond.listen(ROVER, port="/dev/a", mcu_port="/dev/b")
 
 
+@pytest.mark.live
 def test_the_command_says_who_sent_what_on_one_port(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -164,6 +167,7 @@ def test_the_command_says_who_sent_what_on_one_port(
     def listen_and_hear(*arguments: Any, **options: Any) -> wirebond.Listener:
         listener = wirebond.listen(*arguments, **options)
         port.write(VELOCITY + ODOMETRY)
+        wait_until(lambda: listener.links["line"].stats.receive.bytes == len(VELOCITY + ODOMETRY), "both")
         return listener
 
     monkeypatch.setattr("wirebond.cli.commands.listen.listen", listen_and_hear)

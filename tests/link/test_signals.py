@@ -11,9 +11,12 @@ from typing import Any
 import pytest
 
 import wirebond
-from tests.link.mcu import linked, wait_until
-from tests.link.test_changes import ARM
+from tests.link.mcu import linked
+from tests.link.protocol import without_deadlines
+from tests.waiting import PATIENCE, wait_until
 from wirebond.link import handlers, inbox, receiving, requests
+
+pytestmark = pytest.mark.live
 
 TRACED = tuple(module.__file__ for module in (handlers, inbox, receiving, requests))
 
@@ -52,7 +55,7 @@ class Alarm:
 
 
 def received(link: wirebond.Link) -> list[int]:
-    return [m["x"] for m in link.receive(5)]
+    return [m["x"] for m in link.receive(PATIENCE)]
 
 
 def iterated(link: wirebond.Link) -> list[int]:
@@ -65,7 +68,7 @@ def test_a_handler_that_raises_anywhere_loses_no_message_and_doubles_none(
     take: Callable[[wirebond.Link], list[int]], before: str
 ) -> None:
     reads = before == "the thread routes"
-    with linked(ARM) as (link, mcu):
+    with linked(without_deadlines()) as (link, mcu):
         if reads:
             link._start_reading()
         place = sent = 0

@@ -3,14 +3,13 @@ also from a port that may hold bytes back. Under virtual time, and over a pty.""
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import pytest
 
 import wirebond
 from tests.link.drivers import VirtualDriver
-from tests.shared import PATIENCE
+from tests.waiting import Stopwatch, let_pass, moments, wait_until
 from wirebond import _engine
 from wirebond.errors import ProtocolFileError, UsageError
 from wirebond.link.settings import engine_settings
@@ -146,41 +145,37 @@ def test_a_frame_is_not_cut_where_nobody_looked_in_time() -> None:
     assert [m["number"] for m in core.receive()] == [9]
 
 
-def received_over_a_pty(codec: wirebond.Codec, count: int) -> list[int]:
-    """Numbers of frames that came 8 ms apart."""
+@pytest.mark.live
+def test_forty_frames_eight_milliseconds_apart_arrive_over_a_pty() -> None:
+    """And further apart where the thread reads late: no receiver could tell two frames apart that come in one read."""
+    codec = quiet()
     pty = PtyPort()
     try:
         with wirebond.open(codec, pty.path) as link:
-            for number in range(count):
+            for number in range(40):
                 pty.write(state(codec, number))
-                time.sleep(0.008)
-            found: list[int] = []
-            until = time.monotonic() + 1
-            while len(found) < count and time.monotonic() < until:
-                found += [m["number"] for m in link.receive(0.1)]
-            return found
+                let_pass(0.008)
+                wait_until(lambda number=number: link.stats.receive.frames == number + 1, "silence ends the frame")
+            assert [m["number"] for m in link.receive()] == list(range(40))
     finally:
         pty.close()
 
 
-def test_forty_frames_eight_milliseconds_apart_arrive_over_a_pty() -> None:
-    codec = quiet()
-    # A machine that lets the thread sleep for 8 ms gives it two frames in one read: no receiver could tell them apart.
-    assert any(received_over_a_pty(codec, 40) == list(range(40)) for _ in range(50))
-
-
+@pytest.mark.live
 def test_a_burst_leaves_a_pty_no_faster_than_its_pauses_allow() -> None:
     codec = quiet()
     pty = PtyPort()
     try:
         with wirebond.open(codec, pty.path) as link:
-            begun = time.monotonic()
+            watch = Stopwatch()
             for place in range(1, 31):
                 link.send("set", place=place)
             arrived = b""
-            while len(arrived) < 30 * 6 and time.monotonic() < begun + PATIENCE:
+            for _ in moments("all bytes"):
                 arrived += pty.read(0.05)
-            took = time.monotonic() - begun
+                if len(arrived) >= 30 * 6:
+                    break
+            took = watch.seconds
     finally:
         pty.close()
     assert arrived == b"".join(codec.encode("set", {"place": place}) for place in range(1, 31))
@@ -209,6 +204,7 @@ def test_the_device_tells_how_long_a_port_holds_bytes_back(tmp_path: Path, devic
     assert _engine.port_latency_us(str(by_id), 11520, str(tmp_path / "class")) == expected
 
 
+@pytest.mark.live
 def test_the_file_and_the_program_say_what_a_port_holds_back() -> None:
     pty = PtyPort()
     try:

@@ -5,14 +5,16 @@ from __future__ import annotations
 import gc
 import json
 import threading
-import time
 
 import pytest
 
 import wirebond
-from tests.shared import PATIENCE, PROTOCOLS
+from tests.shared import PROTOCOLS
+from tests.waiting import PATIENCE, wait_until
 from wirebond.cli.main import main
 from wirebond.errors import UsageError
+
+pytestmark = pytest.mark.live
 
 FILE = PROTOCOLS / "diffdrive.yaml"
 
@@ -37,11 +39,7 @@ def test_a_link_that_is_forgotten_takes_its_virtual_mcu_along() -> None:
     link = wirebond.open(FILE, "sim:")
     assert link.state != "down"
     del link
-    end = time.monotonic() + PATIENCE
-    while simulations() != before and time.monotonic() < end:
-        gc.collect()
-        time.sleep(0.01)
-    assert simulations() == before
+    wait_until(lambda: gc.collect() is not None and simulations() == before, "the virtual MCU ends")
 
 
 def test_a_virtual_mcu_is_no_host() -> None:

@@ -16,14 +16,16 @@ import numpy as np
 import pytest
 
 import wirebond
-from tests.link.mcu import wait_until
 from tests.shared import PROTOCOLS, codec
+from tests.waiting import wait_until
 from wirebond.cli.main import main
 from wirebond.generate.code.python import generate_python
 from wirebond.server import Server
 from wirebond.sim.pty_port import PtyPort
 from wirebond.sim.pty_port import run as serve
 from wirebond.sim.virtual_mcu import VirtualMcu
+
+pytestmark = pytest.mark.live
 
 AXIS = PROTOCOLS / "linear_axis.yaml"
 DRIFT = 400.0  # parts per million

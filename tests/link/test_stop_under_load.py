@@ -14,10 +14,12 @@ import pytest
 import wirebond
 from tests.link.drivers import PythonDriver, ThreadDriver, VirtualDriver
 from tests.link.protocol import manipulator
-from tests.shared import PATIENCE
+from tests.waiting import PATIENCE
 from wirebond.errors import LinkDownError
 from wirebond.protocol import loads
 from wirebond.sim.pty_port import PtyPort
+
+pytestmark = pytest.mark.live
 
 ROOT = Path(__file__).resolve().parents[2]
 FULL_SPEED = {"speed": 1000, "turn": 7}
@@ -143,7 +145,11 @@ for link in links:
             link.send("note", number=1, text=bytes(200))
     except wirebond.QueueFullError:
         link.repeat("drive", hold=60, speed=1000, turn=7)
-before = [link.stats.send.offered for link in links]
+
+@atexit.register
+def begin():
+    global before
+    before = [link.stats.send.offered for link in links]
 """
 
 
@@ -157,7 +163,7 @@ def test_at_the_end_of_a_program_every_link_stops_repeating_before_any_waits() -
             text=True,
             check=False,
             env=os.environ | {"PYTHONPATH": str(ROOT)},
-            timeout=PATIENCE * 3,
+            timeout=PATIENCE,
         )
     finally:
         for port in ports:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import os
-import time
-from collections.abc import Callable
 
 import pytest
 
 import wirebond
 from tests.link.protocol import manipulator
-from tests.shared import PATIENCE
+from tests.waiting import PATIENCE, wait_until
 from wirebond import _engine
 from wirebond.errors import UsageError
 from wirebond.link.settings import engine_settings
@@ -18,16 +16,11 @@ from wirebond.link.tap import Chunk, LinkEvent, Tap
 from wirebond.protocol.model import End
 from wirebond.sim.pty_port import PtyPort
 
+pytestmark = pytest.mark.live
+
 
 def core_of(codec: wirebond.Codec) -> _engine.LinkCore:
     return _engine.LinkCore(codec.tables.protocol, codec.tables.format_for(End.MCU), engine_settings(codec, 115200), 0)
-
-
-def until(found: Callable[[], bool]) -> None:
-    end = time.monotonic() + PATIENCE
-    while not found():
-        assert time.monotonic() < end
-        time.sleep(0.002)
 
 
 def test_each_read_and_each_write_keeps_its_own_time() -> None:
@@ -170,7 +163,7 @@ def test_a_link_is_tapped_while_it_runs() -> None:
 
         link.send("lamp", level=7)
         far.write(codec.encode("pose", x=3))
-        until(take)
+        wait_until(take, "a chunk of each direction")
         (message,) = link.receive(PATIENCE)
         link.emergency_stop()
         link.note("control", to="anna", number=3)
@@ -204,7 +197,7 @@ def test_a_port_that_goes_away_says_why() -> None:
             found.extend(p for p in tap.take().pieces if isinstance(p, LinkEvent) and p.kind == "port_down")
             return bool(found)
 
-        until(take)
+        wait_until(take, "the end of the port")
         assert found[0].facts["why"] == link.why or "went away" in found[0].facts["why"]
 
 

@@ -10,7 +10,6 @@ import socket
 import subprocess
 import termios
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -19,11 +18,12 @@ from serial.rfc2217 import PortManager
 
 import wirebond
 from tests.link.protocol import manipulator
-from tests.shared import PATIENCE, account_closes
+from tests.shared import account_closes
+from tests.waiting import PATIENCE, moments, wait_until
 from wirebond import PortError
 from wirebond.sim.pty_port import PtyPort
 
-pytestmark = pytest.mark.filterwarnings("ignore:set.* is deprecated")  # of pyserial's RFC 2217
+pytestmark = [pytest.mark.live, pytest.mark.filterwarnings("ignore:set.* is deprecated")]
 SER2NET = shutil.which("ser2net") or "/usr/sbin/ser2net"
 POSE = manipulator().encode("pose", x=255)  # 255 is a command of Telnet: it has to be escaped
 NOTE = {"number": 0xFFFFFFFF, "text": b"\xff\xff\xfa\x00\r\n\r\x11\x13"}
@@ -93,10 +93,7 @@ def served(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Served]:
 
 
 def wait(link: wirebond.Link, holds: Callable[[], object]) -> None:
-    end = time.monotonic() + PATIENCE
-    while not holds():
-        assert time.monotonic() < end, f"{link.state}: {link.why}"
-        time.sleep(0.005)
+    wait_until(holds, lambda: f"{link.state}: {link.why}")
 
 
 def both_ways(link: wirebond.Link, far: PtyPort) -> None:
@@ -105,15 +102,14 @@ def both_ways(link: wirebond.Link, far: PtyPort) -> None:
     link.receive()
     heard = manipulator().decoder("host")
     got: list[wirebond.Message] = []
-    end = time.monotonic() + PATIENCE
-    while not got:  # what is sent before the server has the device open is lost
-        assert time.monotonic() < end
+    for _ in moments("a message of the far end"):  # what is sent before the server has the device open is lost
         far.write(POSE)
-        got = link.receive(0.1)
+        if got := link.receive(0.1):
+            break
     assert {message["x"] for message in got} == {255}
     link.send("note", NOTE)
-    while not (notes := heard.feed(far.read(0.05))):
-        assert time.monotonic() < end
+    notes: list[wirebond.Message] = []
+    wait_until(lambda: notes.extend(heard.feed(far.read(0.05))) or notes, "the note")
     assert [dict(message.fields) for message in notes] == [NOTE]
     assert sum(heard.stats.discarded_bytes.values()) == 0
     assert account_closes(link.stats.receive)

@@ -11,6 +11,8 @@ from tests.shared import PROTOCOLS, ROOT
 from wirebond.generate.code import generate_cpp
 from wirebond.protocol.loader import load
 
+pytestmark = pytest.mark.live
+
 
 def build(sanitize: bool) -> str:
     """The tests' program; with sanitizers its compilation takes minutes."""

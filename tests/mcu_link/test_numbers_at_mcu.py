@@ -13,6 +13,8 @@ from tests.shared import ROOT
 from wirebond.generate.code import generate_cpp
 from wirebond.protocol import loads
 
+pytestmark = pytest.mark.live
+
 HERE = ROOT / "tests" / "mcu_link"
 FLAGS = ["-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
 FRAMES = {

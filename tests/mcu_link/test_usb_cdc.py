@@ -5,10 +5,13 @@ from __future__ import annotations
 import subprocess
 from pathlib import Path
 
+import pytest
 from tests.shared import PROTOCOLS, ROOT
 
 from wirebond.generate.code import generate_cpp
 from wirebond.protocol.loader import load
+
+pytestmark = pytest.mark.live
 
 FLAGS = ["-std=c++17", "-O0", "-Wall", "-Wextra", "-Werror", "-D_GLIBCXX_ASSERTIONS"]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,9 @@ from pyubx2 import SET, UBXMessage, UBXReader
 import wirebond
 from tests.contrib.cases import CONTRIB
 from tests.peers.cable import cable, device
-from tests.shared import PATIENCE
+from tests.waiting import PATIENCE, wait_until
+
+pytestmark = pytest.mark.live
 
 MANY = 200
 
@@ -36,9 +37,7 @@ def opened() -> Iterator[Any]:
 
 def received(link: wirebond.Link, number: int) -> list[wirebond.Message]:
     found: list[wirebond.Message] = []
-    end = time.monotonic() + PATIENCE
-    while len(found) < number and time.monotonic() < end:
-        found += link.receive(0.1)
+    wait_until(lambda: found.extend(link.receive(0.1)) or len(found) >= number, "all messages")
     return found
 
 

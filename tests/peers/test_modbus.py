@@ -6,7 +6,6 @@ import asyncio
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -21,7 +20,9 @@ from pymodbus.server import ModbusSerialServer
 import wirebond
 from tests.contrib.cases import CONTRIB
 from tests.peers.cable import cable, device
-from tests.shared import PATIENCE
+from tests.waiting import PATIENCE, let_pass
+
+pytestmark = pytest.mark.live
 
 
 @pytest.fixture(scope="module")
@@ -53,9 +54,10 @@ def test_a_firmware_is_silent_for_other_addresses_and_for_broadcasts(slave: str)
         for foreign in (2, 7, 247):
             with pytest.raises(ModbusIOException):
                 master.write_register(95, 1, device_id=foreign)
+    with ModbusSerialClient(slave, baudrate=19200, timeout=PATIENCE, retries=0) as master:
         assert master.read_holding_registers(95, count=1, device_id=1).registers == [95000 % 65536]
         master.write_register(95, 5, device_id=0, no_response_expected=True)
-        time.sleep(0.1)  # seconds; the specification's turnaround delay
+        let_pass(0.1)  # the specification's turnaround delay
         assert master.read_holding_registers(95, count=1, device_id=1).registers == [5]
     with serial.Serial(slave, 19200, timeout=0.5) as port, pytest.raises(minimalmodbus.NoResponseError):
         minimalmodbus.Instrument(port, 9).read_register(1)
@@ -137,11 +139,8 @@ def pymodbus_slave(path: str) -> Iterator[None]:
 
 
 def answer(link: wirebond.Link) -> wirebond.Message:
-    end = time.monotonic() + PATIENCE
-    while time.monotonic() < end:
-        for message in link.receive(0.1):
-            return message
-    raise AssertionError("the slave does not answer")
+    (message,) = link.receive(PATIENCE)
+    return message
 
 
 def test_a_link_is_the_master_of_pymodbus() -> None:

@@ -1,6 +1,5 @@
 """Text that is no protocol file at all: one sentence, soon, whatever it is."""
 
-import time
 from pathlib import Path
 
 import pytest
@@ -10,14 +9,10 @@ from wirebond.protocol.problems import Problems
 from wirebond.protocol.text.yaml_tree import MAX_DEPTH, MAX_FILE_BYTES, MAX_NODES, Mapping, Number, Scalar, parse
 from wirebond.visible import visible
 
-PATIENCE_SECONDS = 20  # what is timed here takes a second or two on a slow machine; a hang takes for ever
-
 
 def error_of(text: str) -> str:
-    began = time.monotonic()
     with pytest.raises(ProtocolFileError) as caught:
         loads(text, "f")
-    assert time.monotonic() - began < PATIENCE_SECONDS
     return str(caught.value)
 
 

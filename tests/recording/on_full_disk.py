@@ -8,17 +8,17 @@ import io
 import logging
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 import wirebond
+from tests.waiting import PATIENCE, moments, wait_until
 from wirebond import recording as recordings
 from wirebond.cli.main import main
 from wirebond.server import Server
 
-PATIENCE = 20.0  # seconds: a bound for slow machines
 DISK = Path(sys.argv[1])
 DIFFDRIVE = sys.argv[2]
 PAGE = 4096
@@ -53,13 +53,6 @@ def run(*arguments: str) -> tuple[int, str, str]:
     return code, out.getvalue(), " ".join(said.getvalue().split())
 
 
-def until(holds: Callable[[], object]) -> None:
-    end = time.monotonic() + PATIENCE
-    while not holds():
-        assert time.monotonic() < end, SAID
-        time.sleep(0.002)
-
-
 def bulk(path: Path) -> list[int]:
     return [int(event.facts["number"]) for event in recordings.open(path).events if event.kind == "bulk"]
 
@@ -73,12 +66,10 @@ def a_recorder_in_a_program() -> None:
     path = DISK / "run.mcap"
     with wirebond.open(DIFFDRIVE, "sim:") as link, room_for(5 * PAGE):
         recorder = link.record(path)
-        number = 0
-        while not recorder.error:
+        for number, _ in enumerate(moments("the disk is full")):
+            if recorder.error:
+                break
             link.note("bulk", number=number, text="x" * 500)
-            number += 1
-            time.sleep(0.003)
-            assert number < 10_000
         assert "no space is left on the disk; make room, or record to another one" in recorder.error
         assert "What was written before can be read" in recorder.error
         goes_on(link)
@@ -107,7 +98,7 @@ def a_recorder_that_closes() -> None:
         for number in range(20):
             link.note("bulk", number=number, text="x" * 500)
         goes_on(link)  # a message is in the recording, for the export below
-        until(lambda: recorder.size > 10_000)
+        wait_until(lambda: recorder.size > 10_000, SAID)
         with room_for(PAGE):
             recorder.close()
         assert not recorder.error
@@ -157,11 +148,10 @@ def a_server() -> None:
             assert not list((DISK / "kept").iterdir())
         with room_for(4 * PAGE):
             began = link.recordings.start()
-            number = 0
-            while link.recordings.current is not None:
+            for number, _ in enumerate(moments("the disk is full")):
+                if link.recordings.current is None:
+                    break
                 link.note("bulk", number=number, text="x" * 500)
-                number += 1
-                assert number < 10_000
             (listed,) = link.recordings.list()
             assert listed.state == "unclosed"
             assert "ended early: no space is left on the disk" in listed.error
@@ -171,7 +161,7 @@ def a_server() -> None:
         assert kept
         again = link.recordings.start()
         assert link.recordings.stop().state == "closing"
-        until(lambda: {one.name: one.state for one in link.recordings.list()}[again.name] == "closed")
+        wait_until(lambda: {one.name: one.state for one in link.recordings.list()}[again.name] == "closed", SAID)
         with room_for(0):
             path = server.recordings.path(again.name)
             while path.stat().st_size % PAGE < PAGE - 600:  # the last page takes this one

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 import wirebond
-from tests.shared import PATIENCE, PROTOCOLS
+from tests.shared import PROTOCOLS
+from tests.waiting import wait_until
 from wirebond import recording as recordings
 from wirebond.server import Server
+
+pytestmark = pytest.mark.live
 
 DIFFDRIVE = PROTOCOLS / "diffdrive.yaml"
 
@@ -45,21 +47,14 @@ def test_a_client_records_what_the_owner_does(server: Server, tmp_path: Path) ->
 
 
 def test_a_recording_goes_on_when_the_server_is_back(server: Server, tmp_path: Path) -> None:
-    end = time.monotonic() + PATIENCE
-
-    def until(true: Callable[[], bool]) -> None:
-        while not true():
-            assert time.monotonic() < end
-            time.sleep(0.005)
-
     with wirebond.open(DIFFDRIVE, f"wirebond://{server.path}") as attached:
         recorder = attached.record(tmp_path / "run.mcap")
-        until(lambda: recorder.bytes >= 22)
+        wait_until(lambda: recorder.bytes >= 22, "two messages")
         server.close()
-        until(lambda: recorder._is_gone)
+        wait_until(lambda: recorder._is_gone, "the end of the server")
         before = recorder.bytes
         with Server(server.link, server.path):
-            until(lambda: recorder.bytes >= before + 22)
+            wait_until(lambda: recorder.bytes >= before + 22, "two messages more")
             recorder.close()
     found = recordings.open(tmp_path / "run.mcap")
     assert found.is_closed
@@ -70,12 +65,9 @@ def test_a_recording_goes_on_when_the_server_is_back(server: Server, tmp_path: P
 
 
 def test_a_recording_whose_server_stays_away_is_whole(server: Server, tmp_path: Path) -> None:
-    end = time.monotonic() + PATIENCE
     with wirebond.open(DIFFDRIVE, f"wirebond://{server.path}") as attached:
         recorder = attached.record(tmp_path / "run.mcap")
-        while recorder.bytes < 22:
-            assert time.monotonic() < end
-            time.sleep(0.005)
+        wait_until(lambda: recorder.bytes >= 22, "two messages")
         server.close()
         recorder.close()
     found = recordings.open(tmp_path / "run.mcap")

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from tests.shared import PROTOCOLS
+from tests.shared import PROTOCOLS, ROOT
+from tests.waiting import PATIENCE
+
+pytestmark = pytest.mark.live
 
 SCRIPT = Path(__file__).with_name("on_full_disk.py")
 MOUNT = 'mount -t tmpfs -o size=256k none "$0" && exec "$@"'
@@ -49,7 +53,8 @@ def test_what_was_written_is_kept_the_error_is_told_and_the_link_goes_on(tmp_pat
         ],
         capture_output=True,
         text=True,
-        timeout=120,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        timeout=PATIENCE * 4,
         check=False,
     )
     assert found.returncode == 0, found.stdout + found.stderr

@@ -7,14 +7,14 @@ import json
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import pytest
 
 import wirebond
 from tests.recording.made import WALL_NS, drive, made
-from tests.shared import PATIENCE, PROTOCOLS, codec
+from tests.shared import PROTOCOLS, codec
+from tests.waiting import PATIENCE, Stopwatch, moments, wait_until
 from wirebond import recording as recordings
 from wirebond.cli.main import main
 from wirebond.errors import PortError, UsageError
@@ -22,6 +22,8 @@ from wirebond.link.tap import Chunk, LinkEvent
 from wirebond.recording.into_firmware import RecordedFirmware, replay_into_firmware
 from wirebond.sim import rover
 from wirebond.sim.pty_port import PtyPort
+
+pytestmark = pytest.mark.live
 
 DIFFDRIVE = codec("diffdrive")
 
@@ -35,10 +37,7 @@ def messages_of(port: str, role: str = "host") -> list[tuple[str, bytes, float]]
     """All that a link reads, until the replay has ended; times since the first one."""
     found: list[wirebond.Message] = []
     with wirebond.open(DIFFDRIVE, port, role=role) as link:
-        end = time.monotonic() + PATIENCE
-        while link.state != "down":
-            assert time.monotonic() < end
-            found += link.receive(0.1)
+        wait_until(lambda: found.extend(link.receive(0.1)) or link.state == "down", "the end of the replay")
         found += link.receive(0)
         assert "has ended" in link.why
         assert link.stats.dropped_messages == 0
@@ -71,10 +70,7 @@ def test_deadlines_strike_by_the_recordings_clock(tmp_path: Path) -> None:
     path = made(tmp_path / "run.mcap", DIFFDRIVE, pieces)
     with wirebond.open(DIFFDRIVE, f"replay:{path}?speed=40", role="mcu") as link:
         tap = link.tap()
-        end = time.monotonic() + PATIENCE
-        while link.state != "down":
-            assert time.monotonic() < end
-            link.receive(0.05)
+        wait_until(lambda: link.receive(0.05) is not None and link.state == "down", "the end of the replay")
         found = tap.take().pieces
     first = next(p.t for p in found if isinstance(p, Chunk))
     events = [(p.kind, p.t - first) for p in found if isinstance(p, LinkEvent) and p.t >= first]
@@ -106,9 +102,9 @@ def test_it_keeps_its_pace_and_loops(run: Path) -> None:
         if chunk.t > 6.5:
             ends.set()
 
-    began = time.monotonic()
+    watch = Stopwatch()
     recordings.open(run).replay(take, speed=20, loop=True, ends=ends)
-    assert time.monotonic() - began >= 6.5 / 20
+    assert watch.seconds >= 6.5 / 20
     assert seen == sorted(seen)
 
 
@@ -117,10 +113,11 @@ def test_a_link_sends_again_what_was_sent(run: Path) -> None:
     with wirebond.open(DIFFDRIVE, far.path, paced=False) as link:
         recordings.open(run).replay(link, speed=0, stop=0.5)
         expected = b"".join(c.bytes for c in recordings.open(run).chunks("sent") if c.t <= 0.5)
-        got, end = b"", time.monotonic() + PATIENCE
-        while len(got) < len(expected):
-            assert time.monotonic() < end
+        got = b""
+        for _ in moments("all that was sent"):
             got += far.read(0.1)
+            if len(got) >= len(expected):
+                break
     far.close()
     assert got[: len(expected)] == expected
 
@@ -132,10 +129,7 @@ def test_the_command_replays_to_a_pty(run: Path) -> None:
         path = replay.stdout.readline().decode().strip()
         expected = recordings.open(run).raw("received")
         with wirebond.open(DIFFDRIVE, path, hello=False) as link:
-            end = time.monotonic() + PATIENCE
-            while link.stats.receive.bytes < len(expected):
-                assert time.monotonic() < end
-                link.receive(0.05)
+            wait_until(lambda: link.stats.receive.bytes >= len(expected), "all that was received")
             assert replay.wait(PATIENCE) == 0
             assert link.dump().received == expected
 

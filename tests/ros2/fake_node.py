@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from tests.shared import PATIENCE
+from tests.waiting import PATIENCE
 from wirebond.ros2.cdr import decode, encode
 from wirebond.ros2.failure import Failure
 from wirebond.ros2.node import Answer, Parameter, Qos, Quick

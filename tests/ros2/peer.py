@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -17,7 +16,7 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 from rosbags.typesys import Stores, get_typestore
 
-from tests.shared import PATIENCE
+from tests.waiting import let_pass, moments, rounds_for
 from wirebond.ros2.dds_services import any_bytes
 from wirebond.ros2.idl import idl_type
 from wirebond.ros2.types import RosType, ServiceType, ros_type, service_type
@@ -85,7 +84,7 @@ class Peer:
             self.look()
             return what()
 
-        return wait(look, lambda: {topic: len(seen) for topic, seen in self.seen.items()})
+        return wait(look, lambda: f"what is wanted; seen: { {topic: len(seen) for topic, seen in self.seen.items()} }")
 
     def next(self, topic: str) -> Any:
         """The next message of this topic that comes after this call."""
@@ -103,13 +102,12 @@ class Peer:
         return self._topics[topic][0]
 
 
-def wait(what: Callable[[], Any], about: Callable[[], Any] = lambda: None) -> Any:
-    """Until this is true; what it gave. ``about``: what to say if it never is."""
-    end = time.monotonic() + PATIENCE
-    while not (found := what()):
-        assert time.monotonic() < end, about()
-        time.sleep(0.01)
-    return found
+def wait(what: Callable[[], Any], about: object = "it") -> Any:
+    """Until this is true; what it gave. ``about``: as in `moments`."""
+    for _ in moments(about):
+        if found := what():
+            return found
+    raise AssertionError
 
 
 class Calls:
@@ -133,18 +131,17 @@ class Calls:
         return bool({_service_id(one) for one in readers} & {_service_id(one) for one in writers})
 
     def call(self, request: bytes, header: bool = True) -> tuple[bool, str] | None:
-        """``request``: its bytes in CDR. None: no response came in a second; only without a header it may take less."""
+        """``request``: its bytes in CDR. Without a header no response is expected; None: none came."""
         self._number += 1
         numbers = struct.pack("<Qq", _CLIENT, self._number) if header else b""
         data = request[:4] + numbers + request[4:]
         assert ddspy_write(self._requests._ref, data + bytes(-len(data) % 4)) == 0
-        end = time.monotonic() + (PATIENCE if header else 0.3)
-        while time.monotonic() < end:
+        for _ in moments("a response") if header else rounds_for(0.3):
             for answer, _ in ddspy_take(self._responses._ref, _ANY, 10):
                 assert struct.unpack_from("<Qq", answer, 4) == (_CLIENT, self._number)
                 (size,) = struct.unpack_from("<I", answer, 24)
                 return bool(answer[20]), answer[28 : 28 + size - 1].decode()
-            time.sleep(0.01)
+            let_pass(0.01)
         return None
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import threading
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -24,13 +23,16 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 from wirebond_ros.node import RclpyNode, class_of
 
-from tests.shared import PATIENCE, PROTOCOLS
+from tests.shared import PROTOCOLS
+from tests.waiting import PATIENCE, let_pass, moments
 from wirebond.codec import load
 from wirebond.errors import UsageError
 from wirebond.ros2.cdr import encode
 from wirebond.ros2.mapping.own_types import OwnTypes
 from wirebond.ros2.node import LATCHED, LEVELS, Parameter, Qos
 from wirebond.ros2.types import RosType, ros_type, service_type
+
+pytestmark = pytest.mark.live
 
 
 def known(name: str) -> RosType:
@@ -84,11 +86,10 @@ def ros() -> Iterator[Ros]:
 
 
 def wait(what: Callable[[], Any]) -> Any:
-    end = time.monotonic() + PATIENCE
-    while not (found := what()):
-        assert time.monotonic() < end
-        time.sleep(0.005)
-    return found
+    for _ in moments():
+        if found := what():
+            return found
+    raise AssertionError
 
 
 def test_latched_topic_comes_to_a_late_subscriber(ros: Ros) -> None:
@@ -224,7 +225,7 @@ def test_messages_are_taken_from_the_start_on(ros: Ros, has_take: bool, monkeypa
         publisher.publish(data)
 
     publish(encode(TWIST, {"linear": {"x": 0.1}}))
-    time.sleep(0.1)  # it may have come by now, and is dropped all the same
+    let_pass(0.1)  # it may have come by now, and is dropped all the same
     node.start()
     ends = [encode(TWIST, {"linear": {"x": 0.2}}), b"\0\1\0\0no message", encode(TWIST, {"linear": {"x": 0.3}})]
 

@@ -16,7 +16,8 @@ import pytest
 
 import wirebond
 from tests.ros2.fake_node import FakeNode
-from tests.shared import PATIENCE, PROTOCOLS
+from tests.shared import PROTOCOLS
+from tests.waiting import PATIENCE, Stopwatch, moments, wait_until
 from wirebond.link.stop_file import StopFile
 from wirebond.protocol import loads
 from wirebond.protocol.model import FieldKind
@@ -25,6 +26,8 @@ from wirebond.ros2.mapping import BridgeMapping, default_mapping, read_mapping
 from wirebond.sim.pty_port import PtyPort
 from wirebond.sim.pty_port import run as serve
 from wirebond.sim.virtual_mcu import VirtualMcu
+
+pytestmark = pytest.mark.live
 
 # The rover's deadlines ten times as fast: a test waits for them.
 FAST = (PROTOCOLS / "diffdrive.yaml").read_text().replace("after: 3 s, then: warn", "after: 300 ms, then: warn")
@@ -52,21 +55,33 @@ class Bench:
         self._came: list[wirebond.Message] = []
         self._thread = threading.Thread(target=self.bridge.run, daemon=True)
         self._thread.start()
-        self.node.is_started.wait(20)
+        self.node.is_started.wait(PATIENCE)
 
     def mcu_sends(self, message: str, **fields: Any) -> None:
         self.line.write(ROVER.encode(message, fields))
 
+    def heard(self) -> list[wirebond.Message]:
+        """What the MCU has heard since the last call."""
+        found = self._came + self._heard.feed(self.line.read(0.05), t=0.0)
+        self._came = []
+        return found
+
     def mcu_hears(self, message: str) -> dict[str, Any]:
         """The next such message that the host sent."""
-        end = time.monotonic() + PATIENCE
-        while time.monotonic() < end:
+        for _ in moments(f"the message {message} at the MCU"):
             while self._came:
                 heard = self._came.pop(0)
                 if heard.name == message:
                     return dict(heard.fields)
             self._came += self._heard.feed(self.line.read(0.05), t=0.0)
-        raise AssertionError(f"the MCU heard no {message}")
+        raise AssertionError
+
+    def navigates(self) -> None:
+        """Odometry comes, and navigation goes on."""
+        wait_until(
+            lambda: self.mcu_sends("odometry", left_ticks=10, right_ticks=10) or self.newest("/navigation_ok"),
+            "navigation goes on",
+        )
 
     def newest(self, topic: str) -> Any:
         newest = self.node.newest(topic)
@@ -74,7 +89,7 @@ class Bench:
 
     def close(self) -> None:
         self.bridge.close()
-        self._thread.join(20)
+        self._thread.join(PATIENCE)
         self.link.close()
         self.line.close()
 
@@ -124,20 +139,21 @@ def test_odometry_that_stays_away_stops_navigation_until_it_is_back(rover: Bench
     assert rover.newest("/navigation_ok") is False  # before the first odometry
     node.take["/cmd_vel"](command)
     assert rover.bridge.commands.counts["refused"] == 1
-    rover.mcu_sends("odometry", left_ticks=10, right_ticks=10)
-    node.wait(lambda: rover.newest("/navigation_ok"))
-    node.take["/cmd_vel"](command)
-    assert rover.mcu_hears("velocity")["linear"] == 0.5
+    for _ in moments("the command at the MCU"):
+        rover.navigates()
+        node.take["/cmd_vel"](command)  # refused, where a pause of the machine came between
+        if any(m.name == "velocity" and m["linear"] == 0.5 for m in rover.heard()):
+            break
     node.wait(lambda: not rover.newest("/navigation_ok"))
-    while rover.mcu_hears("velocity")["linear"] != 0.0:
-        pass
+    wait_until(lambda: rover.mcu_hears("velocity")["linear"] == 0.0, "the safe value")
     assert ("warning", "stop_navigation: no odometry for 0.5 s") in node.lines
     node.take["/cmd_vel"](command)
     assert any("navigation is stopped, because there was no odometry for 0.5 s" in text for _, text in node.lines)
-    rover.mcu_sends("odometry", left_ticks=10, right_ticks=10)
-    node.wait(lambda: rover.newest("/navigation_ok"))
+    rover.navigates()
     assert node.qos["/navigation_ok"].latched
-    assert node.cancelled == ["/navigate_to_pose"]
+    assert node.cancelled == ["/navigate_to_pose"] * node.lines.count(
+        ("warning", "stop_navigation: no odometry for 0.5 s")
+    )
 
 
 def test_status_that_stays_away_is_a_warning_and_is_asked_for(rover: Bench) -> None:
@@ -149,8 +165,7 @@ def test_status_that_stays_away_is_a_warning_and_is_asked_for(rover: Bench) -> N
 
 
 def test_emergency_stop_is_a_topic(rover: Bench) -> None:
-    rover.mcu_sends("odometry", left_ticks=0, right_ticks=0)
-    rover.node.wait(lambda: rover.newest("/navigation_ok"))
+    rover.navigates()
     rover.node.take["/emergency_stop"]({"data": True})
     assert rover.mcu_hears("velocity") == {"linear": 0.0, "angular": 0.0}
     assert rover.link.stopped
@@ -291,7 +306,7 @@ def test_missing_port_is_in_the_diagnostics(tmp_path: Path) -> None:
         thread.start()
         node.wait(lambda: node.published["/diagnostics"])
         bridge.close()
-        thread.join(20)
+        thread.join(PATIENCE)
     status = node.published["/diagnostics"][0]["status"][0]
     assert (status["level"], "there is no port" in status["message"]) == (2, True)
 
@@ -304,17 +319,17 @@ class SlowPort(PtyPort):
     def __init__(self, codec: wirebond.Codec) -> None:
         super().__init__()
         self._decoder = codec.decoder("mcu")
-        self._held: deque[tuple[float, bytes]] = deque()
+        self._held: deque[tuple[Stopwatch, bytes]] = deque()
 
     def write(self, data: bytes) -> None:
         for message in self._decoder.feed(data):
             if message.name == "state":
-                self._held.append((time.monotonic() + self.HELD, message.raw))
+                self._held.append((Stopwatch(), message.raw))
             else:
                 super().write(message.raw)
 
     def read(self, timeout: float) -> bytes:
-        while self._held and self._held[0][0] <= time.monotonic():
+        while self._held and self._held[0][0].seconds >= self.HELD:
             super().write(self._held.popleft()[1])
         return super().read(timeout)
 
@@ -351,7 +366,7 @@ publish:
     before = len(published)
     bench.node.wait(lambda: len(published) >= before + 30)
     over.set()
-    thread.join()
+    thread.join(PATIENCE)
     bench.close()
     for message in published[before + 10 :]:  # the first ones may have come before the clock was known
         stamp = message["header"]["stamp"]
@@ -381,10 +396,14 @@ def test_commands_that_come_faster_than_the_line_are_sent_or_counted() -> None:
         for number in range(1, rounds + 1):
             for message in commands:
                 node.take[f"/{message.name}"]({"x": float(number), "y": 0.0, "z": 0.0})
-        end = time.monotonic() + PATIENCE
         heard: list[wirebond.Message] = []
-        while (link.stats.send.queued or len(heard) < link.stats.send.sent) and time.monotonic() < end:
-            heard += decoder.feed(line.read(0.05))
+
+        def have_left() -> bool:
+            heard.extend(decoder.feed(line.read(0.05)))
+            stats = link.stats.send
+            return not stats.queued and len(heard) >= stats.sent
+
+        wait_until(have_left, "all commands leave")
         send, counts = link.stats.send, bridge.commands.counts
     line.close()
     assert counts == {"sent": rounds * len(commands), "clamped": 0, "refused": 0}

@@ -21,7 +21,7 @@ from wirebond.protocol import load
 from wirebond.ros2.dds import LOOPBACK
 from wirebond.ros2.mapping.own_types import OwnTypes
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.live, pytest.mark.long]
 DIFFDRIVE = PROTOCOLS / "diffdrive.yaml"
 MAPPING = "wirebond_ros2: 1\ntyped_topics: all\nserial: true\npoll: [status_query]\n"
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import time
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from tests.shared import PATIENCE, PROTOCOLS
+from tests.shared import PROTOCOLS
+from tests.waiting import moments
 from wirebond.codec import Codec, load
 from wirebond.errors import LinkDownError
 from wirebond.link import open_link
@@ -132,14 +132,15 @@ emergency_stop: {message: move, speed: 0, header: {servo: 2, mode: 3}}
 """
 
 
+@pytest.mark.live
 def test_stop_has_the_header_of_the_file_and_goes_to_every_address_that_was_commanded() -> None:
     codec, line = Codec(loads(SERVOS)), PtyPort()
     decoder, heard = codec.decoder("host"), list[tuple[int, int, int]]()
 
     def hears(*wanted: tuple[int, int, int]) -> None:
-        end = time.monotonic() + PATIENCE
-        while not set(wanted) <= set(heard):
-            assert time.monotonic() < end, heard
+        for _ in moments(lambda: f"{wanted}; heard: {heard}"):
+            if set(wanted) <= set(heard):
+                break
             heard.extend((m.header["servo"], m.header["mode"], m["speed"]) for m in decoder.feed(line.read(0.05)))
 
     with open_link(codec, line.path) as link:

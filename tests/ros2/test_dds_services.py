@@ -18,6 +18,8 @@ from wirebond.ros2.dds import LOOPBACK, DdsNode
 from wirebond.ros2.dds_services import any_bytes
 from wirebond.ros2.types import service_type
 
+pytestmark = pytest.mark.live
+
 
 @pytest.fixture
 def domain(monkeypatch: pytest.MonkeyPatch) -> int:

@@ -10,8 +10,10 @@ import pytest
 
 from tests.ros2.domains import own_domain
 from tests.ros2.peer import Peer, twist
-from tests.shared import PATIENCE
+from tests.waiting import PATIENCE
 from wirebond.ros2.dds import LOOPBACK
+
+pytestmark = pytest.mark.live
 
 WIREBOND = str(Path(sys.executable).with_name("wirebond"))
 

@@ -16,10 +16,13 @@ from tests.ros2.domains import own_domain
 from tests.ros2.fake_node import FakeNode
 from tests.ros2.over_rclpy import rclpy_environment
 from tests.shared import PROTOCOLS
+from tests.waiting import PATIENCE
 from wirebond.errors import ParameterError
 from wirebond.ros2.bridge import Bridge
 from wirebond.ros2.mapping import default_mapping
 from wirebond.sim.pty_port import PtyPort
+
+pytestmark = pytest.mark.live
 
 AXIS = wirebond.load(PROTOCOLS / "linear_axis.yaml")
 
@@ -66,7 +69,7 @@ class Axis:
 
     def close(self) -> None:
         self._closed.set()
-        self._thread.join(20)
+        self._thread.join(PATIENCE)
         self.line.close()
 
 
@@ -99,7 +102,7 @@ def test_parameters_are_read_set_and_followed(axis: Axis) -> None:
         link.parameters.set("max_speed", 2.25)  # as another program does
         node.wait(lambda: node.parameters["mcu.max_speed"].value == 2.25)
         bridge.close()
-        thread.join(20)
+        thread.join(PATIENCE)
 
 
 def test_ros_sets_them_over_rclpy(axis: Axis, tmp_path: Path) -> None:
@@ -130,7 +133,7 @@ def test_ros_sets_them_over_rclpy(axis: Axis, tmp_path: Path) -> None:
         assert said.returncode == 0, said.stderr
     finally:
         bridge.terminate()
-        assert bridge.wait(20) == 0
+        assert bridge.wait(PATIENCE) == 0
     taken, refused, called, topics, names = map(json.loads, said.stdout.splitlines())
     assert taken == [True, "", 0.5]
     assert refused[0] is False

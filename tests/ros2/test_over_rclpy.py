@@ -17,10 +17,14 @@ from tests.ros2.domains import own_domain
 from tests.ros2.over_rclpy import rclpy_environment
 from tests.ros2.peer import Peer, message, twist
 from tests.ros2.test_rover import Served, diagnosed, said
-from tests.shared import PATIENCE, PROTOCOLS, ROOT
+from tests.server.conftest import be_patient
+from tests.shared import PROTOCOLS, ROOT
+from tests.waiting import PATIENCE
 from wirebond.ros2.dds import LOOPBACK
 from wirebond.server import Server
 from wirebond.sim import rover
+
+pytestmark = pytest.mark.live
 
 DIFFDRIVE = PROTOCOLS / "diffdrive.yaml"
 
@@ -128,7 +132,10 @@ def test_emergency_stop_is_pressed_released_and_pressed_again(program: Path, tmp
         drives(peer)
 
 
-def test_second_press_stops_another_program_that_drives(program: Path, tmp_path: Path) -> None:
+def test_second_press_stops_another_program_that_drives(
+    program: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    be_patient(monkeypatch)
     with rover.RoverProcess(program) as robot, wirebond.open(DIFFDRIVE, robot.port) as own:
         address = f"wirebond://{tmp_path}/rover.sock"
         with Server(own, tmp_path / "rover.sock"), wirebond.open(address) as other, bridge(address, tmp_path) as peer:

@@ -194,6 +194,7 @@ def test_a_mistake_has_a_sentence(text: str, sentence: str) -> None:
     assert sentence in str(caught.value)
 
 
+@pytest.mark.live
 def test_bridge_publishes_own_types_and_sends_what_comes_as_them() -> None:
     bench = Bench(read("typed_topics: all"))
     try:

@@ -19,6 +19,8 @@ from tests.ros2.domains import own_domain
 from tests.ros2.over_rclpy import rclpy_environment
 from tests.shared import ROOT
 
+pytestmark = pytest.mark.live
+
 PACKAGE = ROOT / "ros2" / "wirebond_ros"
 CASES = Path(__file__).with_name("rclpy_cases.py")
 NAMES = [

@@ -18,6 +18,8 @@ from wirebond.protocol import load
 from wirebond.ros2.mapping.own_types import OwnTypes
 from wirebond.ros2.types import ros_type, type_names
 
+pytestmark = pytest.mark.live
+
 GENERATED = ROOT / "tests" / "generate" / "code"
 QUICK = [GENERATED / "every_type.yaml"]
 ALL = sorted({*PROTOCOLS.glob("*.yaml"), *GENERATED.glob("every_*.yaml")} - set(QUICK))

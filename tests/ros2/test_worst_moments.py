@@ -8,7 +8,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -21,9 +20,12 @@ from tests.ros2.over_rclpy import rclpy_environment
 from tests.ros2.peer import Peer, message, twist
 from tests.ros2.test_over_rclpy import DIFFDRIVE, domain, drives, presses, program, stands
 from tests.ros2.test_rover import WIREBOND, diagnosed, said
-from tests.shared import PATIENCE, PROTOCOLS
+from tests.shared import PROTOCOLS
+from tests.waiting import PATIENCE, wait_until
 from wirebond.server import Server
 from wirebond.sim import rover
+
+pytestmark = pytest.mark.live
 
 __all__ = ["domain", "program"]  # fixtures
 FAST = "aa 55 01 20 03"  # how a frame of `velocity` with 0.8 m/s begins
@@ -92,24 +94,21 @@ def takes_control(peer: Peer, namespace: str) -> bool:
 def suspend(process: subprocess.Popen[str]) -> None:
     """Stop a process, and wait until each of its threads has stopped: a message before that is not an old one."""
     process.send_signal(signal.SIGSTOP)
-    end = time.monotonic() + PATIENCE
 
     def states() -> set[str]:
         files = Path(f"/proc/{process.pid}/task").glob("*/stat")
         return {file.read_text().rpartition(")")[2].split()[0] for file in files}
 
-    while states() != {"T"}:
-        assert time.monotonic() < end, states()
-        time.sleep(0.005)
+    wait_until(lambda: states() == {"T"}, lambda: f"all threads stop; they are {states()}")
 
 
 def wait_for_deadline(robot: rover.RoverProcess, action: str) -> None:
     """Until the rover has heard no command for so long."""
     events: list[str] = []
-    end = time.monotonic() + PATIENCE
-    while not any(event.endswith(f" {action}") for event in events):
-        assert time.monotonic() < end, events
-        events += robot.events(timeout=0.2)
+    wait_until(
+        lambda: any(event.endswith(f" {action}") for event in events) or events.extend(robot.events(timeout=0.2)),
+        lambda: f"the rover's deadline {action}; it reported {events}",
+    )
 
 
 @pytest.mark.parametrize("adapter", ["rclpy", "dds"])

@@ -16,12 +16,15 @@ from pathlib import Path
 import pytest
 
 import wirebond
-from tests.server.conftest import Served, wait_until
-from tests.shared import PATIENCE, PROTOCOLS
+from tests.server.conftest import Served
+from tests.shared import PROTOCOLS
+from tests.waiting import PATIENCE, wait_until
 from wirebond import recording as recordings
 from wirebond.cli.main import main
 from wirebond.link.attached import words
 from wirebond.link.tap import TAP_BYTES
+
+pytestmark = pytest.mark.live
 
 DIFFDRIVE = str(PROTOCOLS / "diffdrive.yaml")
 WIREBOND = Path(sys.executable).with_name("wirebond")
@@ -115,6 +118,8 @@ def test_a_place_for_the_socket_that_cannot_be_used_has_its_sentence(
         wirebond.open("wirebond://diffdrive")
 
 
+@pytest.mark.timed(tolerance=0.3)
+@pytest.mark.usefixtures("real_ages")
 def test_a_client_that_asks_for_a_mebibyte_again_and_again_keeps_nobody_waiting(served: Served) -> None:
     body = json.dumps({"do": "send", "id": 2, "message": "velocity", "fields": {"x": "y" * 1_000_000}}).encode()
     message = words.framed(words.JSON, body)
@@ -188,4 +193,4 @@ def test_a_wall_clock_that_jumps_changes_no_time(tmp_path: Path, monkeypatch: py
     found = recordings.open(path)
     times = [chunk.t for chunk in found.chunks()]
     assert times == sorted(times)
-    assert found.duration < PATIENCE
+    assert found.duration < 3600

@@ -7,17 +7,18 @@ import re
 import signal
 import socket
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 import wirebond
 from tests.relay import Relay
-from tests.server.conftest import Served, Writer, wait_until
-from tests.shared import PATIENCE, codec
+from tests.server.conftest import Served, Writer
+from tests.shared import codec
+from tests.waiting import PATIENCE, let_pass, rounds_for, wait_until
 from wirebond import NotInControlError, StoppedError
 from wirebond.link.attached import words
 from wirebond.link.attached.attached_link import AttachedLink
@@ -25,6 +26,8 @@ from wirebond.protocol import loads
 from wirebond.server import Server
 from wirebond.server.control import ControlBook
 from wirebond.sim.pty_port import PtyPort
+
+pytestmark = pytest.mark.live
 
 SAFE = 0.0  # m/s
 
@@ -43,19 +46,20 @@ def test_the_first_command_takes_control_and_another_program_is_refused(served: 
         with pytest.raises(NotInControlError):
             second.repeat("velocity", linear=0.1, angular=0.0)
         second.send("status_query")  # moves nothing
-        assert speeds(served.sent(0.05)) == [0.5]
+        assert speeds(served.sent()) == [0.5]
 
 
 def test_taking_over_is_explicit_and_sends_the_safe_value_between(served: Served) -> None:
     with served.attach() as first, served.attach() as second:
         first.repeat("velocity", linear=0.5, angular=0.0, hold=60)
+        before = speeds(served.sent_until(speeds))
         with pytest.raises(NotInControlError):
             second.take_control()
         second.take_control(over=True)
         second.send("velocity", linear=0.25, angular=0.0)
         with pytest.raises(NotInControlError):
             first.repeat("velocity", linear=0.5, angular=0.0)
-        found = speeds(served.sent(0.3))
+        found = before + speeds(served.sent(0.3))
         assert found.index(SAFE) < found.index(0.25)
         assert set(found[: found.index(SAFE)]) == {0.5}
         assert set(found[found.index(SAFE) :]) == {SAFE, 0.25}
@@ -98,7 +102,7 @@ def test_a_stop_by_anyone_holds_for_all_and_its_end_leaves_nobody_in_control(ser
         wait_until(lambda: driver.control.holder is None)
         with pytest.raises(NotInControlError):
             driver.repeat("velocity", linear=0.5, angular=0.0)
-        served.sent(0.05)
+        served.sent()
         assert speeds(served.sent(0.2)) == []
 
 
@@ -106,10 +110,9 @@ def test_the_end_of_a_program_ends_its_leases_at_once(served: Served) -> None:
     with served.attach() as watcher:
         with served.attach() as driver:
             driver.repeat("velocity", linear=0.5, angular=0.0, hold=60)
-            wait_until(lambda: watcher.control.holder is not None)
-            served.sent(0.1)
+            served.sent_until(speeds)
         wait_until(lambda: watcher.control.holder is None)
-        assert speeds(served.sent(0.1))[-1] == SAFE
+        assert speeds(served.sent_until(lambda found: SAFE in speeds(found)))[-1] == SAFE
         assert speeds(served.sent(0.2)) == []
 
 
@@ -118,12 +121,13 @@ def test_an_orderly_end_of_control_stops_what_was_sent(served: Served, end: str)
     with served.attach() as watcher:
         driver = served.attach()
         driver.send("velocity", linear=0.5, angular=0.0)
+        assert speeds(served.sent()) == [0.5]
         if end == "close":
             driver.close()
         else:
             driver.release_control()
         wait_until(lambda: watcher.control.holder is None)
-        assert speeds(served.sent(0.1)) == [0.5, SAFE]
+        assert speeds(served.sent_until(speeds)) == [SAFE]
         driver.close()
     assert speeds(served.sent(0.1)) == []  # once is enough
 
@@ -136,22 +140,21 @@ def test_a_client_that_hands_over_leaves_the_robot_moving(served: Served) -> Non
         wait_until(lambda: watcher.control.holder is None)
         assert speeds(served.sent(0.1)) == [0.5]
         watcher.send("velocity", linear=0.25, angular=0.0)  # the program that goes on
-    assert speeds(served.sent(0.1)) == [0.25, SAFE]
+        assert speeds(served.sent()) == [0.25]
+    assert speeds(served.sent_until(speeds)) == [SAFE]
 
 
+@pytest.mark.usefixtures("real_ages")
 @pytest.mark.parametrize("how", ["send", "repeat"])
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_program_that_is_killed_or_stopped_cannot_leave_the_robot_driving(
     served: Served, start_writer: Callable[..., Writer], how: str, end: signal.Signals
 ) -> None:
     writer = start_writer(how)
-    served.sent(0.1)
+    found = served.sent(0.1)
     writer.process.send_signal(end)
-    began = time.monotonic()
-    after = []
-    while SAFE not in after:  # how soon: `test_silence_ends_control_within_its_time`, in virtual time
-        assert time.monotonic() - began < 20
-        after += speeds(served.sent(0.005))
+    # How soon: `test_silence_ends_control_within_its_time`, in virtual time. A pause of the machine is a silence, too.
+    served.sent_until(lambda after: SAFE in speeds(found + after))
     assert speeds(served.sent(0.3)) == []
     if end == signal.SIGSTOP:
         writer.process.send_signal(signal.SIGCONT)
@@ -160,15 +163,15 @@ def test_a_program_that_is_killed_or_stopped_cannot_leave_the_robot_driving(
         assert set(speeds(served.sent(0.1))) <= {SAFE}
 
 
+@pytest.mark.usefixtures("real_ages")
 def test_a_program_whose_packets_are_dropped_without_a_close_is_silent(
     served: Served, start_writer: Callable[..., Writer]
 ) -> None:
     with Relay(served.server.port or 0) as relay:
         start_writer("repeat", f"wirebond://127.0.0.1:{relay.port}?token={served.server.token}")
-        served.sent(0.1)
+        found = served.sent(0.1)
         relay.drops.set()
-        seen: list[float] = []
-        wait_until(lambda: SAFE in seen or seen.extend(speeds(served.sent(0.005))), "the safe value")
+        served.sent_until(lambda after: SAFE in speeds(found + after))
         assert speeds(served.sent(0.2)) == []
 
 
@@ -227,25 +230,30 @@ def raw(served: Served) -> Iterator[Raw]:
     client.close()
 
 
+@pytest.mark.usefixtures("real_ages")
 @pytest.mark.parametrize("end", ["killed", "runs"])
 def test_what_came_while_the_server_was_stalled_does_not_drive(served: Served, raw: Raw, end: str) -> None:
     wait_until(lambda: "ok" in raw.ask(raw.command(0.5)))  # with the newest tick
     stalled, goes_on = threading.Event(), threading.Event()
     served.server._owner.loop.call_soon_threadsafe(lambda: (stalled.set(), goes_on.wait(PATIENCE)))
     assert stalled.wait(PATIENCE)
-    assert set(speeds(served.sent(0.05))) == {0.5}
+    found = speeds(served.sent(0.05))
     for _ in range(20):
         raw.write(raw.command(0.25))
     if end == "killed":
         raw.close()
-    time.sleep(words.OLDEST_COMMAND + words.TICK_EVERY + 0.1)
+    let_pass(words.OLDEST_COMMAND + words.TICK_EVERY + 0.1)
     goes_on.set()
     wait_until(lambda: served.server.holder is None)
-    assert speeds(served.sent(0.2)) == [SAFE]
+    wait_until(lambda: SAFE in found or found.extend(speeds(served.sent())), lambda: f"the safe value; {found} left")
+    found += speeds(served.sent(0.2))
+    assert set(found[:-1]) == {0.5}
+    assert found[-1] == SAFE
     if end == "runs":
         assert raw.ask(raw.command(0.25))["error"] in ("late", "not_in_control")
 
 
+@pytest.mark.usefixtures("real_ages")
 @pytest.mark.parametrize("request_", [words.Take(over=True), words.ReleaseStop(over=True)])
 def test_what_lets_the_robot_move_does_not_act_after_a_stall(
     served: Served, raw: Raw, request_: words.Take | words.ReleaseStop
@@ -257,20 +265,21 @@ def test_what_lets_the_robot_move_does_not_act_after_a_stall(
     served.server._owner.loop.call_soon_threadsafe(lambda: (stalled.set(), goes_on.wait(PATIENCE)))
     assert stalled.wait(PATIENCE)
     raw.write(request_)
-    time.sleep(words.OLDEST_COMMAND + words.TICK_EVERY + 0.1)
+    let_pass(words.OLDEST_COMMAND + words.TICK_EVERY + 0.1)
     goes_on.set()
     assert raw.answer()["error"] == "late"
     assert served.link.stopped
     assert served.server.holder is None
 
 
+@pytest.mark.usefixtures("real_ages")
 def test_a_program_that_still_waits_takes_control_and_releases_after_a_stall(served: Served) -> None:
     with served.attach() as link:
         link.emergency_stop()
         engine = link.internals.engine
         assert isinstance(engine, AttachedLink)
         engine._tick = 0  # long ago, until the next tick comes
-        wait_until(lambda: served.server._owner.book.ticks.age(0, time.monotonic()) > words.OLDEST_COMMAND)
+        let_pass(words.OLDEST_COMMAND + words.TICK_EVERY + 0.1)
         engine._tick = 0
         link.release_stop()
         engine._tick = 0
@@ -294,6 +303,7 @@ emergency_stop: {message: move, speed: 0}
 """
 
 
+@pytest.mark.usefixtures("real_ages")
 @pytest.mark.parametrize("end", ["killed", "taken over", "waits for long"])
 def test_a_command_that_waits_for_its_turn_leaves_only_in_control_and_in_time(tmp_path: Path, end: str) -> None:
     proto, pty = wirebond.Codec(loads(_ASKED_IN_TURN)), PtyPort()
@@ -303,16 +313,16 @@ def test_a_command_that_waits_for_its_turn_leaves_only_in_control_and_in_time(tm
         with served.attach() as other:
             raw, asks = Raw(served), Raw(served)
             asks.ask(words.Send(message="ask", fields={}, tick=asks.tick, reply=60))
-            move = words.Send(message="move", fields={"speed": 5}, tick=raw.tick, reply=60)
-            assert "ok" in raw.ask(move)  # its turn comes when `ask` is answered
+            move = words.Send(message="move", fields={"speed": 5}, reply=60)
+            # Its turn comes when `ask` is answered.
+            wait_until(lambda: "ok" in raw.ask(msgspec.structs.replace(move, tick=raw.tick)), "it is accepted")
             if end == "killed":
                 raw.close()
                 wait_until(lambda: server.holder is None)
             elif end == "taken over":
                 other.take_control(over=True)
             else:
-                beats = time.monotonic() + words.OLDEST_COMMAND + 0.05
-                while time.monotonic() < beats:
+                for _ in rounds_for(words.OLDEST_COMMAND + 0.05):
                     raw.ask(words.Ask(what="state"))
                     raw.write(words.Beat(tick=raw.tick))
             pty.write(proto.encode("asked", place=1))
@@ -352,6 +362,7 @@ def test_a_program_whose_server_dies_as_it_takes_control_must_take_it_again(tmp_
     pty.close()
 
 
+@pytest.mark.usefixtures("real_ages")
 def test_silence_ends_control_within_its_time() -> None:
     book = book_of_two()
     now = 0.0
@@ -366,6 +377,7 @@ def test_silence_ends_control_within_its_time() -> None:
     assert book.silent(last + words.SILENCE + 0.001)
 
 
+@pytest.mark.usefixtures("real_ages")
 def test_a_command_that_was_under_way_for_long_is_refused() -> None:
     book = book_of_two()
     old = book.ticks.next(0.0)
@@ -379,6 +391,7 @@ def test_a_command_that_was_under_way_for_long_is_refused() -> None:
     assert book.refuses("a", book.ticks.newest, now) is None
 
 
+@pytest.mark.usefixtures("real_ages")
 def test_a_command_with_the_newest_tick_is_old_if_no_tick_was_made_for_long() -> None:
     book = book_of_two()
     newest = book.ticks.next(0.0)
@@ -388,6 +401,7 @@ def test_a_command_with_the_newest_tick_is_old_if_no_tick_was_made_for_long() ->
     assert refused[0] == "late"
 
 
+@pytest.mark.usefixtures("real_ages")
 def test_beats_that_come_late_in_one_burst_show_nothing() -> None:
     book = book_of_two()
     tick = book.ticks.next(0.0)
@@ -398,6 +412,7 @@ def test_beats_that_come_late_in_one_burst_show_nothing() -> None:
     assert book.silent(0.95)
 
 
+@pytest.mark.usefixtures("real_ages")
 def test_a_tick_that_never_was_is_late() -> None:
     book = book_of_two()
     refused = book.refuses("a", 10_000, 0.0)

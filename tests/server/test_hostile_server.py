@@ -11,10 +11,12 @@ from contextlib import contextmanager
 import pytest
 
 import wirebond
-from tests.server.conftest import Served, wait_until
-from tests.shared import PATIENCE
+from tests.server.conftest import Served
+from tests.waiting import PATIENCE, wait_until
 from wirebond import LinkDownError, PortError
 from wirebond.link.attached import words
+
+pytestmark = pytest.mark.live
 
 JUNK = [
     b"\xff" * 64,

@@ -8,11 +8,14 @@ from collections.abc import Callable
 import pytest
 
 import wirebond
-from tests.server.conftest import Served, wait_until
+from tests.server.conftest import Served
 from tests.server.test_clients import json_client
+from tests.waiting import wait_until
 from wirebond import RequestTimeoutError
 from wirebond.chinese import chinese
 from wirebond.link.arrivals import Arrivals
+
+pytestmark = pytest.mark.live
 
 NEVER = 3600.0  # seconds: the test ends the wait itself
 CAME = "3 other messages arrived: odometry 3; 11 bytes were discarded: check_mismatch"

@@ -11,11 +11,13 @@ import mcap.reader
 import pytest
 
 import wirebond
-from tests.server.conftest import wait_until
 from tests.shared import PROTOCOLS
+from tests.waiting import PATIENCE, wait_until
 from wirebond import recording as recordings
 from wirebond.link.attached import words
 from wirebond.server import Server
+
+pytestmark = pytest.mark.live
 
 DIFFDRIVE = PROTOCOLS / "diffdrive.yaml"
 
@@ -34,7 +36,7 @@ class Watcher:
 
     def __init__(self, server: Server) -> None:
         self._socket = socket.socket(socket.AF_UNIX)
-        self._socket.settimeout(20)
+        self._socket.settimeout(PATIENCE)
         self._socket.connect(str(server.path))
         self._splitter = words.Splitter(words.MOST_TO_CLIENT)
         self.said: list[dict] = []

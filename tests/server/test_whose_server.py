@@ -11,12 +11,15 @@ from pathlib import Path
 import pytest
 
 import wirebond
-from tests.server.conftest import Served, wait_until
-from tests.shared import PATIENCE, PROTOCOLS
+from tests.server.conftest import Served
+from tests.shared import PROTOCOLS
+from tests.waiting import PATIENCE, wait_until
 from wirebond import PortError
 from wirebond.cli.main import main
 from wirebond.link.attached import whose_server
 from wirebond.link.attached.address import socket_of
+
+pytestmark = pytest.mark.live
 
 OTHER = 65534  # by convention the user nobody
 

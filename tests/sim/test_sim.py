@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import subprocess
 
+import pytest
 from tests.shared import ROOT
+
+pytestmark = pytest.mark.live
 
 BUILD = ROOT / "build" / "sim"
 

@@ -16,8 +16,8 @@ from typing import Any
 
 import pytest
 from tests.link.drivers import no_engine_ports
-from tests.link.mcu import wait_until
-from tests.shared import PATIENCE, codec
+from tests.shared import codec
+from tests.waiting import PATIENCE, Stopwatch, wait_until
 
 import wirebond
 from wirebond.analysis.diagnosis.uart import misread
@@ -30,6 +30,8 @@ from wirebond.sim.virtual_mcu import VirtualMcu
 from wirebond.sim.wire import LineShape, WireProcess, WireSettings
 from wirebond.sim.wire.process import DIRECTIONS
 from wirebond.sim.wire.script import read_script
+
+pytestmark = pytest.mark.live
 
 DATA = bytes(i % 251 for i in range(3000))
 
@@ -94,11 +96,11 @@ def closes(found: dict[str, Any]) -> bool:
 
 def test_bytes_pass_both_ways_and_no_faster_than_the_line() -> None:
     with WireProcess(WireSettings(baud=115200)) as wire, opened(wire.a, wire.b) as (a, b):
-        begun = time.monotonic()
+        watch = Stopwatch()
         os.write(a, DATA)
         os.write(b, DATA[::-1])
         assert read(b, len(DATA)) == DATA
-        assert time.monotonic() - begun >= len(DATA) * 10 / 115200
+        assert watch.seconds >= len(DATA) * 10 / 115200
         assert read(a, len(DATA)) == DATA[::-1]
         account = wire.end()
     for direction in DIRECTIONS:
@@ -214,7 +216,7 @@ def test_a_line_of_a_script_that_cannot_be_read_is_named(line: str, wrong: str, 
 def test_a_writer_waits_for_the_line() -> None:
     """Beside what the wire has taken a pty's buffer holds some KB; behind that a write takes the time of the line."""
     with WireProcess(WireSettings(baud=1_000_000)) as wire, opened(wire.a, wire.b) as (a, b):
-        begun = time.monotonic()
+        watch = Stopwatch()
         data = DATA * 20
         sent, got = 0, b""
         while len(got) < len(data):
@@ -225,7 +227,7 @@ def test_a_writer_waits_for_the_line() -> None:
             if readable:
                 got += os.read(b, 4096)
         assert got == data
-        assert time.monotonic() - begun >= len(data) * 10 / 1_000_000
+        assert watch.seconds >= len(data) * 10 / 1_000_000
         assert wire.end()["a_to_b"]["handed_over"] == len(data)
 
 

@@ -11,6 +11,8 @@ from wirebond.generate.code import generate_c, generate_cpp
 from wirebond.generate.code.amalgamate import amalgamated
 from wirebond.protocol.model import Protocol
 
+pytestmark = pytest.mark.live
+
 Shell = Callable[[list[str]], str]
 
 USE = """

@@ -14,6 +14,8 @@ from wirebond.generate.code.names import namespace
 from wirebond.protocol import loads
 from wirebond.protocol.model import End, Protocol
 
+pytestmark = pytest.mark.live
+
 Shell = Callable[[list[str]], str]
 
 HERE = Path(__file__).parent

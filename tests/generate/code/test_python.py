@@ -177,6 +177,7 @@ messages:
 """
 
 
+@pytest.mark.live
 def test_names_that_are_hard_on_python_do_not_meet(tmp_path: Path) -> None:
     source = tmp_path / "awkward.yaml"
     source.write_text(AWKWARD, encoding="utf-8")
@@ -228,6 +229,7 @@ def ask(link: wirebond.Link) -> None:
 """
 
 
+@pytest.mark.live
 def test_modules_are_clean_under_strict_mypy_and_misuse_is_found(tmp_path: Path) -> None:
     for path in FILES:
         generate_python(load(path), tmp_path)

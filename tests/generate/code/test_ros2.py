@@ -163,6 +163,7 @@ def test_options_of_a_firmware_are_refused(tmp_path: Path, capsys: pytest.Captur
     assert "leave it out for ros2" in capsys.readouterr().err
 
 
+@pytest.mark.live
 def test_colcon_sees_a_package_of_messages(tmp_path: Path) -> None:
     """To build it needs the generators of ROS 2, which no package registry has."""
     for name, text in ros2_files(load(ROOT / "protocols" / "diffdrive.yaml")).items():

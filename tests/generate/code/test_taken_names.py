@@ -11,6 +11,8 @@ from wirebond import ProtocolFileError
 from wirebond.generate.code import generate_c, generate_cpp
 from wirebond.protocol import loads
 
+pytestmark = pytest.mark.live
+
 Shell = Callable[[list[str]], str]
 
 LONG = pytest.mark.long

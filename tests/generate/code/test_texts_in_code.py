@@ -12,6 +12,8 @@ from wirebond.generate.code import generate_c, generate_cpp
 from wirebond.generate.code.cpp_field import comment_text
 from wirebond.protocol import loads
 
+pytestmark = pytest.mark.live
+
 Shell = Callable[[list[str]], str]
 
 HARD = (

@@ -10,6 +10,8 @@ import pytest
 from wirebond.generate.code import generate_cpp
 from wirebond.protocol.loader import load, loads
 
+pytestmark = pytest.mark.live
+
 HERE = Path(__file__).parent
 PROTOCOLS = HERE.parents[2] / "protocols"
 

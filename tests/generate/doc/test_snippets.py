@@ -26,6 +26,7 @@ EVERY = [*ALGORITHMS.values(), *OWN]
 DATA = [b"", b"\0", b"123456789", bytes(range(256)), b"\xff" * 300]
 
 
+@pytest.mark.live
 def test_c_functions_give_the_check(tmp_path: Path) -> None:
     lines = ["#include <inttypes.h>", "#include <stdio.h>"]
     for algorithm in EVERY:

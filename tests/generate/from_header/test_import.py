@@ -76,6 +76,7 @@ def imported(tmp_path: Path, text: str = HEADER) -> tuple[str, Protocol]:
     return found, loads(found)
 
 
+@pytest.mark.live
 def test_members_lie_where_a_c_compiler_puts_them(tmp_path: Path) -> None:
     """Offset and size of every member, and the size of the whole, from gcc."""
     _, protocol = imported(tmp_path)
@@ -216,6 +217,7 @@ def test_names_that_a_protocol_file_cannot_have_are_changed(tmp_path: Path) -> N
     assert {first.name, second.name} == {"class", "class_2"}
 
 
+@pytest.mark.live
 def test_the_compilers_own_preprocessor_gives_the_same(tmp_path: Path) -> None:
     header = tmp_path / "robot.h"
     header.write_text(HEADER)

@@ -182,6 +182,7 @@ def test_a_system_that_is_not_linux_has_paths_only(tmp_path):
         resolve("usb:1a86:55d3", tmp_path)
 
 
+@pytest.mark.live
 def test_resolving_imports_nothing_heavy():
     program = (
         "import sys; from wirebond.link.devices import resolve; resolve('/dev/ttyUSB0');"

@@ -12,6 +12,7 @@ import pytest
 
 import wirebond
 from tests.shared import codec
+from tests.waiting import PATIENCE, wait_until
 from wirebond.console.tables import message_rows
 from wirebond.errors import UsageError
 from wirebond.link.tap import LinkEvent
@@ -168,16 +169,16 @@ def test_round_trips_are_from_a_request_to_its_reply() -> None:
     assert source.round_trips.figures(1000.0) is None
 
 
+@pytest.mark.live
 def test_a_recording_is_the_same_source(tmp_path: Path) -> None:
     proto, pty = codec("diffdrive"), PtyPort()
     path = tmp_path / "run.mcap"
     with wirebond.open(proto, pty.path) as link, link.record(path):
         for n in range(20):
             pty.write(proto.encode("odometry", left_ticks=n, right_ticks=0))
-            assert link.receive(5.0)
+            assert link.receive(PATIENCE)
         link.send("velocity", linear=0.5, angular=0.0)
-        while link.stats.send.sent < 1:
-            pass
+        wait_until(lambda: link.stats.send.sent, "the velocity leaves")
     pty.close()
     recording = Recording(path)
     source = recorded_source(recording)

@@ -63,6 +63,7 @@ def everything() -> Codec:
 FAULTS = {"ber": 1e-4, "drops": 1e-4, "inserts": 1e-4, "bursts": 2e-5, "jitter": 5e-4}
 
 
+@pytest.mark.live
 def test_frames_with_numbers_addresses_shared_ids_and_queues_are_accounted_for(everything: Codec) -> None:
     for faults in ({}, FAULTS, {**FAULTS, "unplugs": (AtRandom(5),)}):
         result = run(everything, Settings(minutes=3 * SECONDS, **faults))

@@ -17,6 +17,8 @@ from wirebond.sim.soak.plots import NOT_INSTALLED
 from wirebond.sim.soak.report import DIRECTIONS, is_good, markdown
 from wirebond.sim.soak.unplug import At
 
+pytestmark = pytest.mark.live
+
 SECONDS = 1 / 60  # in minutes
 TIMES = ("seconds", "speedup", "host_cpu_seconds", "host_cpu_percent")
 

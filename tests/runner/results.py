@@ -1,0 +1,105 @@
+"""The results of a run in a file, and its progress on the terminal: a plugin of pytest for `python -m tests.runner`."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.runner.kinds import STALL, TOLERANCE
+
+EVERY = 15.0  # seconds between two lines of progress
+
+
+@dataclass
+class Result:
+    """Of one test. Times in seconds."""
+
+    name: str
+    has_passed: bool = True  # or was skipped
+    is_skipped: bool = False
+    seconds: float = 0.0
+    stall: float = 0.0  # of the machine; only for timed tests
+    tolerance: float = 0.0  # the stall that the test tolerates
+
+    def add(self, report: pytest.TestReport) -> None:
+        """One of the parts of the test: set-up, call, teardown."""
+        self.seconds += report.duration
+        self.has_passed &= not report.failed
+        self.is_skipped |= report.skipped
+        properties = dict(report.user_properties)
+        self.stall = float(properties.get(STALL, self.stall))  # type: ignore[arg-type]
+        self.tolerance = float(properties.get(TOLERANCE, self.tolerance))  # type: ignore[arg-type]
+
+
+def read_results(path: Path) -> list[Result]:
+    return [Result(**one) for one in json.loads(path.read_text())]
+
+
+def write_results(path: Path, results: list[Result]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps([asdict(one) for one in results]))
+
+
+class Watch:
+    """Of the process that collects all results."""
+
+    def __init__(self, path: Path, terminal: Any) -> None:
+        self._path, self._terminal = path, terminal
+        self._tests: dict[str, Result] = {}
+        self._finished = self._failed = self._total = 0
+        self._began = self._told = 0.0
+
+    def pytest_runtest_logstart(self) -> None:
+        if self._began == 0.0:
+            self._began = self._told = time.monotonic()
+
+    def pytest_collection_finish(self, session: pytest.Session) -> None:
+        self._total = len(session.items)
+
+    def pytest_xdist_node_collection_finished(self, ids: list[str]) -> None:
+        self._total = len(ids)
+
+    def pytest_report_teststatus(self, report: Any) -> tuple[str, str, str] | None:
+        """No letters: the lines of progress say more."""
+        return (report.outcome, "", "") if report.when == "call" or not report.passed else None
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        result = self._tests.setdefault(report.nodeid, Result(report.nodeid))
+        result.add(report)
+        if report.failed:
+            self._tell(f"FAILED {report.nodeid}")
+        if report.when == "teardown":
+            self._finished += 1
+            self._failed += not result.has_passed
+            if time.monotonic() - self._told >= EVERY:
+                self._tell_progress()
+
+    def pytest_sessionfinish(self) -> None:
+        write_results(self._path, list(self._tests.values()))
+
+    def _tell_progress(self) -> None:
+        self._told = now = time.monotonic()
+        left = (now - self._began) / self._finished * (self._total - self._finished)
+        failed = f", {self._failed} failed" if self._failed else ""
+        share = 100 * self._finished // max(self._total, 1)
+        self._tell(f"{share:3d} %: {self._finished} of {self._total}{failed}; about {left:.0f} s left")
+
+    def _tell(self, line: str) -> None:
+        self._terminal.ensure_newline()
+        self._terminal.write_line(line)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--results", type=Path, help="file for the results; also shows the progress in lines")
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_configure(config: pytest.Config) -> None:
+    path = config.getoption("--results")
+    if path is not None and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(Watch(path, config.pluginmanager.getplugin("terminalreporter")))
