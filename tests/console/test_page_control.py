@@ -15,6 +15,7 @@ import wirebond
 from tests.console.browser import Desk, desk, shows_the_robot, take_control
 from tests.waiting import PATIENCE, let_pass, moments, wait_until
 from wirebond.link.attached import words
+from wirebond.seldom import EVERY
 from wirebond.server.control import ControlBook
 
 pytestmark = [pytest.mark.live, pytest.mark.usefixtures("real_ages")]
@@ -206,6 +207,7 @@ def test_the_stop_of_another_program_is_released_by_a_second_press_that_names_it
         expect(banner).to_have_count(0)
         pad.emergency_stop()
         expect(release).to_be_visible()  # another stop is another decision
+        let_pass(EVERY)  # the log has one line in this time
         release.click()
         sure.click()
         expect(banner).to_have_count(0)
@@ -215,7 +217,7 @@ def test_the_stop_of_another_program_is_released_by_a_second_press_that_names_it
     told = {"en-US": f"{done.name} released the emergency stop by {name}", "zh-CN": f"{done.name} 解除了 {name} 的急停"}
     expect(page.locator("footer").get_by_text(told[locale])).to_be_visible()
     assert done.error == ""
-    assert f"{done.name} released the emergency stop by {name}" in caplog.text
+    wait_until(lambda: f"{done.name} released the emergency stop by {name}" in caplog.text, lambda: caplog.text)
 
 
 def test_a_program_that_asks_in_a_loop_loses_to_the_person_who_released(rover: Desk) -> None:

@@ -346,6 +346,8 @@ def test_safe_mode_of_the_mcu_is_told_and_ends_by_a_topic(driving: Peer, robot: 
         return bool(driving.seen["/odom"][-1].twist.twist.linear.x > 0.4)
 
     driving.wait(is_fast)
+    robot.events()
+    driving.wait(lambda: any(event.endswith("safe_mode") for event in robot.events()))
     driving.wait(lambda: diagnosed(driving, "commands", "the MCU is in safe_mode and ignores velocity"))
     driving.wait(lambda: said(driving, "to end safe_mode: ros2 topic pub --once /diffdrive/recover std_msgs/msg/Empty"))
     robot.events()
