@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
+import select
 import subprocess
 import sys
 import threading
@@ -132,6 +134,28 @@ def test_the_command_replays_to_a_pty(run: Path) -> None:
             wait_until(lambda: link.stats.receive.bytes >= len(expected), "all that was received")
             assert replay.wait(PATIENCE) == 0
             assert link.dump().received == expected
+
+
+def test_what_is_on_its_way_to_the_program_counts_as_unread() -> None:
+    port = PtyPort()
+    program = os.open(port.path, os.O_RDWR | os.O_NOCTTY)
+    for _ in range(1000):
+        port.write(b"abc")
+        assert port.unread() == 3  # at once, before the kernel has handed them over
+        assert os.read(program, 4096) == b"abc"
+        assert port.unread() == 0
+    os.close(program)
+    port.close()
+
+
+def test_a_replay_to_a_program_that_does_not_read_ends_when_it_closes_its_side(run: Path) -> None:
+    command = [sys.executable, "-m", "wirebond.cli.main", "replay", str(run), "--speed", "max", "--pty"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as replay:
+        assert replay.stdout is not None
+        program = os.open(replay.stdout.readline().decode().strip(), os.O_RDWR | os.O_NOCTTY)
+        assert select.select([program], [], [], PATIENCE)[0]
+        os.close(program)
+        assert replay.wait(PATIENCE) == 0
 
 
 def test_monitor_ends_with_the_recording(run: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,6 +7,7 @@ import errno
 import fcntl
 import os
 import select
+import struct
 import sys
 import termios
 import time
@@ -18,7 +19,7 @@ from wirebond.errors import UsageError
 from wirebond.sim.virtual_mcu import VirtualMcu
 
 _LOOK = 0.02  # seconds between two looks for a program
-_SET_UP = 0.2  # seconds that one needs to set up its port
+_SET_UP = 25  # looks at a program that sets up its port
 _TICK = 0.002  # seconds between looks at the schedule
 
 
@@ -51,24 +52,39 @@ class PtyPort:
         self.lost_bytes += len(data) - written
 
     def wait_for_program(self) -> None:
-        """Until a program opens the other side, and has set it up: what is there before is flushed by many."""
+        """Until a program opens the other side and has set it up: most drop what lies there by then.
+
+        From here on the line is in packet mode (ioctl_tty(2), TIOCPKT), which shows that they did; ``read`` is not for it.
+        """
+        fcntl.ioctl(self._controller, termios.TIOCPKT, struct.pack("i", 1))
         self._close_keeper()
         watched = select.poll()
         watched.register(self._controller, 0)
         while watched.poll(0):  # hung up
             time.sleep(_LOOK)
-        with contextlib.suppress(OSError):  # it keeps others out, and keeps the line alive by itself
+        with contextlib.suppress(OSError):  # some keep others out, and the line is alive by them
             self._keeper = os.open(self.path, os.O_RDWR | os.O_NOCTTY)
-            tty.setraw(self._keeper)
-        time.sleep(_SET_UP)
+            tty.setraw(self._keeper, termios.TCSANOW)
+        for _ in range(_SET_UP):
+            time.sleep(_LOOK)
+            if self._was_flushed():
+                return
 
-    def unread(self) -> int:
-        """Bytes that were written, and that the program has not read yet, where that can be told."""
+    def unread(self) -> int | None:
+        """Bytes that were written, and that the program has not read yet; None where that cannot be told."""
         if self._keeper < 0:
+            return None
+        if not select.select([self._keeper], [], [], 0)[0]:  # unlike FIONREAD, it waits for bytes on their way
             return 0
         waiting = bytearray(4)
         fcntl.ioctl(self._keeper, termios.FIONREAD, waiting)
         return int.from_bytes(waiting, sys.byteorder)
+
+    def _was_flushed(self) -> bool:
+        try:
+            return bool(os.read(self._controller, 4096)[0] & termios.TIOCPKT_FLUSHREAD)
+        except OSError:  # nothing has happened, or the program is gone again
+            return False
 
     def fileno(self) -> int:
         return self._controller

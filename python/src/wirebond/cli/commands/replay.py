@@ -86,13 +86,14 @@ def _write(port: PtyPort, chunk: Chunk) -> None:
 
 
 def _drain(port: PtyPort) -> None:
-    """Until the reader has it all, or reads no more: the pty goes away with this program."""
-    before, patience = -1, _PATIENCE
-    while patience > 0 and (left := port.unread()) > 0:
-        patience = patience - 1 if left == before else _PATIENCE
+    """Until the program has it all, closes the pty, or reads no more: the line goes away with this one."""
+    hung_up = select.poll()
+    hung_up.register(port, 0)
+    before, patience = None, _PATIENCE
+    while patience > 0 and (left := port.unread()) != 0 and not hung_up.poll(0):
+        patience = patience - 1 if left is None or left == before else _PATIENCE
         before = left
         time.sleep(_LOOK)
-    time.sleep(_WAIT)
 
 
 def replay_to_program(path: Path, section: Section, program: Path, out: Path | None) -> int:
