@@ -119,6 +119,32 @@ def test_nothing_is_taken_by_a_late_press_after_the_robot_was_stopped(rover: Des
     assert rover.server.holder is None
 
 
+def test_nothing_is_taken_by_a_late_press_after_another_program_released_the_stop(
+    rover: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = rover.page("control")
+    asked: list[int] = []
+    late = ControlBook.late
+
+    def late_at_first(book: ControlBook, tick: int, now: float) -> str | None:
+        asked.append(tick)
+        return "it came late" if len(asked) == 1 else late(book, tick, now)
+
+    monkeypatch.setattr(ControlBook, "late", late_at_first)
+    for _ in moments("a press before the release is told"):
+        rover.link.emergency_stop()
+        expect(page.get_by_role("alert")).to_be_visible()
+        asked.clear()
+        found = taking(page).element_handle()
+        with stalled(rover):
+            rover.link.release_stop()
+            if found.evaluate(PRESS):
+                break
+    expect(in_control(page).or_(said(page)).first).to_be_visible()
+    expect(said(page).first).to_have_text(TOO_LATE)
+    assert rover.server.holder is None
+
+
 def test_control_that_is_taken_at_the_moment_of_a_release_stays(rover: Desk) -> None:
     page = rover.page("control")
     shows_the_robot(page)

@@ -88,7 +88,8 @@ class Session {
     const first = this.control.releasedBy;
     const taking = this.decide("take", { over: over || first || false }).catch((error: unknown) => {
       const { holder, releasedBy } = this.control; // the release came to the server before the press, and to this page now
-      if (over || holder !== null || releasedBy === null || releasedBy === first) throw error;
+      const wasInTime = error instanceof Refusal && error.word === "not_in_control"; // "late": it is not meant any more
+      if (over || !wasInTime || holder !== null || releasedBy === null || releasedBy === first) throw error;
       return this.decide("take", { over: releasedBy });
     });
     await this.attempt(taking);
