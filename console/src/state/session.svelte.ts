@@ -110,7 +110,8 @@ class Session {
   /** A decision that comes too late is sent once more, unless the person may think otherwise by then. */
   private decide(what: Decision, keys: Record<string, unknown>): Promise<unknown> {
     const at = performance.now();
-    const facts = () => JSON.stringify([this.control.holder, live.stopped, live.link?.stopped_by, this.stops]);
+    const facts = () =>
+      JSON.stringify([this.control.holder, this.control.releasedBy, live.stopped, live.link?.stopped_by, this.stops]);
     const before = facts();
     return this.link.decide(
       what,
