@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 import subprocess
@@ -16,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from playwright.sync_api import Browser, Page, Playwright, WebSocketRoute, expect
+from playwright.sync_api import Browser, Error, Page, Playwright, WebSocketRoute, expect
 
 import wirebond
 from tests.shared import PROTOCOLS, ROOT
@@ -136,11 +137,20 @@ class Desk:
         """A test begins without tabs, and its pages had no error; behind it the robot is stopped by none, and free."""
         self.problems.clear()
         yield self
+        self.tell()
         for context in self.browser.contexts:
             context.close()
         self.link.release_stop()
         wait_until(lambda: self.server.holder is None, "nobody is in control")
         assert self.problems == []
+
+    def tell(self) -> None:
+        """What the pages show and what was commanded, for the report of a test that failed."""
+        for page in (page for context in self.browser.contexts for page in context.pages):
+            with contextlib.suppress(Error):  # it does not show a page of ours
+                print(page.url, page.locator("body").inner_text(timeout=1000), sep="\n")
+        for command in self.server.log.commands()[-20:]:
+            print(command)
 
     def drive(self, page: Page) -> Velocity:
         """Holds the key until the robot moves: its first velocity.

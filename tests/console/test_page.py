@@ -103,7 +103,8 @@ def test_the_pad_drives_while_a_key_is_held_and_stops_when_it_is_let_go(rover: D
     driving = rover.drive(page)
     assert driving.linear == 1.0  # half of the range
     page.keyboard.up("ArrowUp")
-    stopped = rover.robot.wait_for(lambda v: v.linear == 0, driving.t)
+    expect(page.get_by_text("Let go: zero is sent")).to_be_visible()
+    stopped = rover.robot.wait_for(lambda v: v.linear == 0, time.monotonic())
     let_pass(0.3)
     assert all(velocity.linear == 0 for velocity in rover.robot.since(stopped.t))
 

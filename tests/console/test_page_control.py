@@ -18,7 +18,7 @@ from wirebond.link.attached import words
 from wirebond.seldom import EVERY
 from wirebond.server.control import ControlBook
 
-pytestmark = [pytest.mark.live, pytest.mark.usefixtures("real_ages")]
+pytestmark = pytest.mark.live
 LATE = words.OLDEST_COMMAND + 2 * words.TICK_EVERY  # seconds
 TOO_LATE = re.compile(
     "“Take control” had no effect: .* Look at the robot, then press it again|lost before it answered “Take control”"
@@ -101,6 +101,7 @@ def test_a_press_that_came_late_is_sent_again(rover: Desk, monkeypatch: pytest.M
     assert len(asked) == 2
 
 
+@pytest.mark.usefixtures("real_ages")
 @pytest.mark.parametrize("locale", ["en-US", "zh-CN"])
 def test_a_press_that_came_too_late_says_so_and_what_to_do(rover: Desk, locale: str) -> None:
     page = rover.page("control", locale=locale)
@@ -111,6 +112,7 @@ def test_a_press_that_came_too_late_says_so_and_what_to_do(rover: Desk, locale: 
     assert rover.server.holder is None
 
 
+@pytest.mark.usefixtures("real_ages")
 def test_nothing_is_taken_by_a_late_press_after_the_robot_was_stopped(rover: Desk) -> None:
     page = rover.page("control")
     press_in_a_stall(rover, taking(page), LATE, lambda: page.keyboard.press(" "))
