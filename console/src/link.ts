@@ -235,8 +235,8 @@ export class AttachLink {
         if (this.ended) this.socket.stay();
         return;
       }
-      const ok = message.ok as Welcome & { control: Partial<Told> & { is_own?: boolean }; tick: number };
-      this.tick = ok.tick;
+      const ok = message.ok as Welcome & { control: Partial<Told> & { is_own?: boolean } };
+      this.tick = message.tick as number; // of what is decided before the next one comes
       this.tickAt = this.now();
       this.socket.isGood();
       this.enter("attached", "");

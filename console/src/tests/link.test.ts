@@ -61,13 +61,18 @@ afterEach(() => {
 });
 function attach(): void {
   last().onopen?.();
-  last().say({ re: 0, ok: { tick: 7, control: { holder: null, is_own: false } } });
+  last().say({ re: 0, t: 12.5, tick: 7, ok: { control: { holder: null, is_own: false } } });
 }
 
 test("it attaches with the token, asks for control by name only, and wants no messages", () => {
   expect(last().sent[0]).toMatchObject({ do: "attach", token: "secret", asks: true, messages: "none", version: 1 });
   expect(link.phase).toBe("attached");
   expect(last().of("take")).toEqual([]);
+});
+
+test("a decision before the first tick carries the one of the attach", () => {
+  link.ask("take", { over: false }).catch(() => {});
+  expect(last().of("take")[0]).toMatchObject({ tick: 7 });
 });
 
 test("each command carries the newest tick", () => {
