@@ -37,6 +37,10 @@ screenshots: build/setup-test.stamp ## pictures of the console into docs/images 
 test: build/setup-test.stamp lint ## everything that must hold, in about ten minutes
 	@$(PYTHON) -m tests.runner --workers $(WORKERS)
 
+.PHONY: check
+check: build/setup-test.stamp ## lint and the pure tests that your edits reach, in a minute (SINCE=COMMIT: since then)
+	@$(PYTHON) -m tests.runner.check --since $(or $(SINCE),HEAD)
+
 .PHONY: prove
 prove: build/setup-test.stamp ## all tests, the long proofs too
 	@$(PYTHON) -m tests.runner --workers $(WORKERS) --long

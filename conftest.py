@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, settings
 import wirebond.link.settings as settings_of_links
 from wirebond.protocol.problems import Place, Problems
 
-pytest_plugins = ["tests.runner.kinds", "tests.runner.results"]
+pytest_plugins = ["tests.runner.kinds", "tests.runner.limit", "tests.runner.results"]
 
 settings.register_profile("any_speed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any_speed")

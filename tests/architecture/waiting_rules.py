@@ -17,6 +17,7 @@ EXCEPTIONS: dict[str, str] = {  # file or file::function, and the reason
     "waiting.py": "the one place that waits",
     "runner/stalls.py": "measures time",
     "runner/results.py": "shows progress",
+    "runner/limit.py": "leaves tests out when the time is over",
     "link/far_end.py": "a program of its own that carries bytes no faster than a wire",
     "server/writer.py": "a program of its own that sends at a pace",
     "ros2/typed_program.py": "a program of its own",

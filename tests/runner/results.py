@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from tests.runner.kinds import STALL, TOLERANCE
+from tests.runner.limit import LEFT_OUT
 
 EVERY = 15.0  # seconds between two lines of progress
 
@@ -22,6 +23,7 @@ class Result:
     name: str
     has_passed: bool = True  # or was skipped
     is_skipped: bool = False
+    is_left_out: bool = False  # for lack of time
     seconds: float = 0.0
     stall: float = 0.0  # of the machine; only for timed tests
     tolerance: float = 0.0  # the stall that the test tolerates
@@ -32,6 +34,7 @@ class Result:
         self.has_passed &= not report.failed
         self.is_skipped |= report.skipped
         properties = dict(report.user_properties)
+        self.is_left_out |= LEFT_OUT in properties
         self.stall = float(properties.get(STALL, self.stall))  # type: ignore[arg-type]
         self.tolerance = float(properties.get(TOLERANCE, self.tolerance))  # type: ignore[arg-type]
 
