@@ -22,10 +22,10 @@ std::uint64_t bit_by_bit(const CheckAlgorithm& a, const std::uint8_t* bytes, std
   std::uint64_t reg = a.init;
   for (std::size_t i = 0; i < size; ++i) {
     for (unsigned bit = 0; bit < 8; ++bit) {
-      const bool in = (bytes[i] >> (a.reflect_in ? bit : 7 - bit)) & 1;
+      if (((bytes[i] >> (a.reflect_in ? bit : 7 - bit)) & 1) != 0) reg ^= top;
       const bool out = (reg & top) != 0;
       reg = (reg << 1) & mask;
-      if (in != out) reg ^= a.poly;
+      if (out) reg ^= a.poly;  // as `in != out`, GCC 12.2 compiles it wrongly with -O1 and -O2 for 64 bits
     }
   }
   if (a.reflect_out) {

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from playwright.sync_api import Browser, Error, Page, Playwright, WebSocketRoute, expect
+from playwright.sync_api import Browser, Error, Locator, Page, Playwright, WebSocketRoute, expect
 
 import wirebond
 from tests.shared import PROTOCOLS, ROOT
@@ -301,17 +301,25 @@ def with_told(page: Page, view: str, facts: dict[str, Any]) -> None:
     page.reload()
 
 
+def press(page: Page, button: Locator, holds: Callable[[], object], what: str) -> None:
+    """Press it, until this holds. A press may have no effect, because this machine is busy and the press came late, but
+    then the page must say so; only then it is pressed again."""
+    notices = page.locator(".notice")
+    is_pressed = False
+    for _ in moments(lambda: f"{what}; the page says {notices.all_inner_texts()}"):
+        if holds():
+            return
+        if is_pressed and not notices.count():
+            continue
+        page.evaluate("document.querySelectorAll('.notice button').forEach((close) => close.click())")
+        if not holds():
+            button.click()
+            is_pressed = True
+
+
 def take_control(page: Page) -> None:
-    """Take control. A press may have no effect, because this machine is busy and the press came late, but then the page
-    must say so; only then it is pressed again."""
-    ours, notices = page.get_by_text("You are in control"), page.locator(".notice")
-    for _ in moments(lambda: f"control; the page says {notices.all_inner_texts()}"):
-        if ours.is_visible():
-            break
-        while notices.count():
-            notices.first.get_by_role("button").click()
-        page.locator("header").get_by_role("button", name="Take control").click()
-        expect(ours.or_(notices).first, "the press had an effect, or the page says why not").to_be_visible()
+    button = page.locator("header").get_by_role("button", name="Take control")
+    press(page, button, page.get_by_text("You are in control").is_visible, "control")
 
 
 def shows_the_robot(page: Page) -> None:
