@@ -58,15 +58,20 @@ def test_a_stop_passes_a_full_queue_and_nothing_older_of_its_messages_follows(ma
 
 def test_frames_of_other_messages_are_neither_dropped_nor_before_the_stop(make: Make) -> None:
     link = make()
-    for number in range(200):
-        link.send("note", number=number)
-        link.send("drive", **FULL_SPEED)
-    link.emergency_stop()
-    link.run_until(lambda: link.names().count("note") == 200, "every note arrives")
-    found = link.messages()
-    assert found.index(STOP[0]) < 200
-    notes = [fields["number"] for name, fields in found if name == "note"]
-    assert notes == list(range(200))
+    for _ in moments("a stop before what waits"):  # a process that is paused may have sent it all by then
+        before = len(link.messages())
+        for number in range(200):
+            link.send("note", number=number)
+            link.send("drive", **FULL_SPEED)
+        link.emergency_stop()
+        link.run_until(lambda before=before: link.names()[before:].count("note") == 200, "every note arrives")
+        found = link.messages()[before:]
+        notes = [fields["number"] for name, fields in found if name == "note"]
+        assert notes == list(range(200))
+        if found.index(STOP[0]) < 200:
+            break
+        assert not isinstance(link, VirtualDriver)
+        link.release_stop()
 
 
 def test_stopped_messages_are_refused_until_the_release_which_sends_nothing(make: Make) -> None:
@@ -353,11 +358,19 @@ def test_an_explicit_deadline_holds_its_message_back_until_recover(make: Make) -
     pose = link.codec.encode("pose", x=1)
     link.answer(pose)
     link.run_until(lambda: len(link.receive()) == 1, "the first one is given")
-    link.run_until(lambda: link.deadlines()["halt"], "silence strikes")
-    link.answer(pose)
-    link.run_until(lambda: link.stats()["held_back"] == 1, "the next one is held back")
+
+    def is_held_back() -> bool:
+        link.run_until(lambda: link.deadlines()["halt"], "silence strikes")
+        link.answer(pose)
+        link.run_until(lambda: link.stats()["held_back"] == 1 or link.receive() != [], "it comes")
+        return link.stats()["held_back"] == 1
+
+    if isinstance(link, VirtualDriver):
+        assert is_held_back()
+        assert link.state() == "up"  # the line is not silent
+    else:
+        link.run_until(is_held_back, "the next one, or the one after it where silence had struck before the first")
     assert link.receive() == []
-    assert link.state() == "up"  # the line is not silent
     assert link.deadlines() == {"warn": True, "halt": True}
 
     def acts_again() -> bool:
@@ -378,7 +391,8 @@ def test_a_deadline_that_strikes_before_its_message_ever_came_holds_nothing_back
     link.answer(link.codec.encode("pose", x=1))
     link.run_until(lambda: len(link.receive()) == 1, "the first one is given")
     assert link.stats()["held_back"] == 0
-    assert link.deadlines() == {"warn": False, "halt": False}
+    if isinstance(link, VirtualDriver):
+        assert link.deadlines() == {"warn": False, "halt": False}  # elsewhere silence may have struck again
 
 
 def test_a_message_as_old_as_its_deadline_is_late_where_the_process_stood_still() -> None:
