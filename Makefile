@@ -5,8 +5,8 @@ SHELL := bash
 
 VENV   := .venv
 PYTHON := $(abspath $(VENV))/bin/python
-# Tests wait for bytes and for deadlines: three for two processors.
-WORKERS := $(shell echo $$(( ($$(nproc) * 3 + 1) / 2 )))
+# Tests wait for bytes and for deadlines: two for each processor.
+WORKERS := $(shell echo $$(( $$(nproc) * 2 )))
 INTERFACE := $(wildcard $(addprefix python/src/wirebond/,engine_interface.py _engine.pyi link/engine_settings.py \
             protocol/model/*.py protocol/payload_rules.py protocol/plan.py ros2/mapping/packing.py))
 NATIVE := CMakeLists.txt pyproject.toml $(INTERFACE) $(shell find core/include ports/posix python/native -name '*.[ch]pp')

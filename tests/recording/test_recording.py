@@ -90,6 +90,14 @@ def test_what_a_link_gives_live_its_recording_gives_again(tmp_path: Path) -> Non
     assert found.port == "sim:"
 
 
+def test_a_long_recording_has_each_piece_once_and_in_order(tmp_path: Path, diffdrive: wirebond.Codec) -> None:
+    pieces = [Chunk(n * 1e-4, n * 1e-4, "received", n.to_bytes(3, "big")) for n in range(20_000)]
+    run = recordings.open(made(tmp_path / "long.mcap", diffdrive, pieces, batch=97))
+    assert not run.problems
+    assert [chunk.bytes for chunk in run.chunks("received")] == [piece.bytes for piece in pieces]
+    assert run.raw("received") == b"".join(piece.bytes for piece in pieces)
+
+
 @pytest.mark.parametrize("closed", [False, True])
 def test_every_piece_keeps_its_time(tmp_path: Path, diffdrive: wirebond.Codec, closed: bool) -> None:
     pieces = list(drive(diffdrive, 2.0))
