@@ -54,7 +54,7 @@ class PtyPort:
     def wait_for_program(self) -> None:
         """Until a program opens the other side and has set it up: most drop what lies there by then.
 
-        From here on the line is in packet mode (ioctl_tty(2), TIOCPKT), which shows that they did; ``read`` is not for it.
+        From here on the line is in packet mode (ioctl_tty(2), TIOCPKT), which shows it; ``read`` is not for that mode.
         """
         fcntl.ioctl(self._controller, termios.TIOCPKT, struct.pack("i", 1))
         self._close_keeper()
