@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 DEFAULT_PORT = 8765
 _MOST_MESSAGE = 1 << 20  # bytes of one message of a client
 _MOST_CONNECTIONS = 256  # that show the token, about; more get HTTP's 503. Each takes up to three file descriptors
-_BACKLOG = 32  # connections that wait to be accepted, and are accepted at once
+_BACKLOG = 32  # connections that are accepted before the loop does anything else
 _NO_NEWS = ("ASGI callable returned without completing handshake.",)  # uvicorn, of each WebSocket that is refused
 _TOKEN = re.compile(r"[A-Za-z0-9._~-]+")
 _PATIENCE = 5.0  # seconds that the thread has to begin and to end

@@ -39,7 +39,8 @@ _LOOK_EVERY = 0.01  # seconds between two looks whether the holder of control is
 _STALL = 5 * _LOOK_EVERY  # seconds without a look: what sockets bring then may be old
 _GATHER = 0.001  # seconds that received messages may wait for others, so that a client gets them in one piece
 MOST_CLIENTS = 256
-_BACKLOG = 32  # connections that wait to be accepted, and are accepted at once
+_BACKLOG = 32  # connections that are accepted before the loop does anything else
+_WAITING = 1024  # connections that the system keeps until they are accepted
 _ATTACH_WITHIN = 2.0  # seconds after which a connection that said nothing is closed
 _PATIENCE = 5.0  # seconds that the thread has to begin and to end
 
@@ -413,8 +414,16 @@ def is_loopback(host: str) -> bool:
     return False
 
 
+class _Listener(socket.socket):
+    """asyncio has one number for how many connections wait, and for how many it accepts at once. Many may wait: where
+    there is no room TCP tries again only after a second, and a flood of strangers would cost the driver that."""
+
+    def listen(self, _backlog: int = _WAITING, /) -> None:
+        super().listen(_WAITING)
+
+
 def _unix_socket(path: str) -> socket.socket:
-    found = socket.socket(socket.AF_UNIX)
+    found = _Listener(socket.AF_UNIX)
     try:
         if _is_served(path):
             raise PortError(f"another server listens at {path}; end that one, or choose another name", None, path)
@@ -426,7 +435,7 @@ def _unix_socket(path: str) -> socket.socket:
             found.bind(path)
         finally:
             os.umask(before)
-        found.listen(_BACKLOG)
+        found.listen()
     except OSError as error:
         found.close()
         if isinstance(error, PortError):
@@ -454,7 +463,7 @@ def tcp_socket(host: str, port: int) -> socket.socket:
     """
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
-        return socket.create_server((host, port), family=family, backlog=_BACKLOG)
+        return _Listener(fileno=socket.create_server((host, port), family=family, backlog=_WAITING).detach())
     except OSError as error:
         raise PortError(
             f"cannot listen at {host}:{port}: {error.strerror or error}; choose an address of this computer and a port "
