@@ -78,18 +78,24 @@ def said(page: Page) -> Locator:
     return page.locator(".notice")
 
 
-def test_a_press_that_came_late_is_sent_again(rover: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The server calls the first one late. On a busy machine the page may hear that so late that it does not send it
-    again; then it says so."""
-    page = rover.page("control")
-    asked: list[int] = []
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """The ticks of requests whose age the server judged; it calls the first one late, also after ``clear``."""
+    found: list[int] = []
     late = ControlBook.late
 
     def late_at_first(book: ControlBook, tick: int, now: float) -> str | None:
-        asked.append(tick)
-        return "it came late" if len(asked) == 1 else late(book, tick, now)
+        found.append(tick)
+        return "it came late" if len(found) == 1 else late(book, tick, now)
 
     monkeypatch.setattr(ControlBook, "late", late_at_first)
+    return found
+
+
+def test_a_press_that_came_late_is_sent_again(rover: Desk, asked: list[int]) -> None:
+    """The server calls the first one late. On a busy machine the page may hear that so late that it does not send it
+    again; then it says so."""
+    page = rover.page("control")
     for _ in moments("it is sent again"):
         asked.clear()
         taking(page).click()
@@ -122,17 +128,9 @@ def test_nothing_is_taken_by_a_late_press_after_the_robot_was_stopped(rover: Des
 
 
 def test_nothing_is_taken_by_a_late_press_after_another_program_released_the_stop(
-    rover: Desk, monkeypatch: pytest.MonkeyPatch
+    rover: Desk, asked: list[int]
 ) -> None:
     page = rover.page("control")
-    asked: list[int] = []
-    late = ControlBook.late
-
-    def late_at_first(book: ControlBook, tick: int, now: float) -> str | None:
-        asked.append(tick)
-        return "it came late" if len(asked) == 1 else late(book, tick, now)
-
-    monkeypatch.setattr(ControlBook, "late", late_at_first)
     for _ in moments("a press before the release is told"):
         rover.link.emergency_stop()
         expect(page.get_by_role("alert")).to_be_visible()
