@@ -21,7 +21,7 @@ from websockets.sync.client import ClientConnection, connect
 
 import wirebond
 from tests.console import browser as browsers
-from tests.server.conftest import be_patient
+from tests.patient_servers import ages, real_ages  # noqa: F401 - fixtures of this folder
 from tests.shared import ROOT, codec
 from tests.waiting import PATIENCE, moments, rounds_for, wait_until
 from wirebond.console import Console
@@ -104,17 +104,6 @@ class Desk:
                 return found
             found += self._decoder.feed(self.pty.read(0.002), time.monotonic())
         raise AssertionError
-
-
-@pytest.fixture
-def real_ages() -> None:
-    """For tests of what is late or silent: the times of the product."""
-
-
-@pytest.fixture(autouse=True)
-def ages(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    if "real_ages" not in request.fixturenames:
-        be_patient(monkeypatch)
 
 
 @pytest.fixture(scope="module")

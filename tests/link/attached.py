@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 import wirebond
+from tests.patient_servers import be_patient
 from wirebond.link import Link, open_link
 from wirebond.server import Server
 
@@ -25,6 +26,7 @@ def attached_links() -> Iterator[None]:
     """`wirebond.open` opens the port with a server, and gives a link that is attached to it. Closing that one closes
     the others."""
     patch = pytest.MonkeyPatch()
+    be_patient(patch)
     opened: list[tuple[Server, Link]] = []
     with tempfile.TemporaryDirectory() as folder:
 

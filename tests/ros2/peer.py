@@ -57,6 +57,9 @@ class Peer:
         """Has the publisher a subscriber?"""
         return bool(self._writers[topic].get_matched_subscriptions())
 
+    def is_advertised(self, topic: str) -> bool:
+        return topic in self._writers
+
     def publish(self, topic: str, message: Any) -> None:
         """One message."""
         type_ = self._topics[topic][1]
@@ -84,7 +87,13 @@ class Peer:
             self.look()
             return what()
 
-        return wait(look, lambda: f"what is wanted; seen: { {topic: len(seen) for topic, seen in self.seen.items()} }")
+        def told() -> str:
+            counts = {topic: len(seen) for topic, seen in self.seen.items()}
+            return (
+                f"what is wanted; seen: {counts}; last said: {[line.msg for line in self.seen.get('/rosout', [])][-5:]}"
+            )
+
+        return wait(look, told)
 
     def next(self, topic: str) -> Any:
         """The next message of this topic that comes after this call."""

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 import wirebond
+from tests.patient_servers import be_patient
 from tests.ros2.fake_node import FakeNode
 from tests.ros2.test_mcu_parameters import AXIS, Axis
-from tests.server.conftest import be_patient
 from tests.waiting import PATIENCE, Stopwatch, let_pass, moments
 from wirebond.link.attached.words import Control
 from wirebond.ros2.bridge import Bridge

@@ -171,7 +171,7 @@ def test_two_bridges_share_a_server_that_restarts(program: Path, tmp_path: Path)
         drives(peer)
         other.publish("/other/cmd_vel", twist(0.8, 0.0))
         take = "end its control there, then take it: ros2 topic pub --once /other/diffdrive/take_control"
-        (line,) = other.wait(lambda: said(other, "is in control of the robot"))
+        (line,) = other.wait(lambda: said(other, take))
         assert re.search(rf"ROS node /diffdrive \(\d+\) is in control of the robot; {take}", line)
         other.publish("/other/emergency_stop", message("std_msgs/Bool", True))  # anybody may stop
         peer.wait(lambda: own.stopped)

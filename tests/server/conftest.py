@@ -11,34 +11,13 @@ from pathlib import Path
 import pytest
 
 import wirebond
+from tests.patient_servers import ages, real_ages  # noqa: F401 - fixtures of this folder
 from tests.shared import codec
-from tests.waiting import PATIENCE, moments, rounds_for, wait_until
-from wirebond.link.attached.attached_link import AttachedLink
+from tests.waiting import moments, rounds_for, wait_until
 from wirebond.server import Server
 from wirebond.sim.pty_port import PtyPort
 
 WRITER = Path(__file__).with_name("writer.py")
-
-
-def be_patient(patch: pytest.MonkeyPatch) -> None:
-    """Servers and attached links of this process take nothing for too late: a pause of the machine changes nothing."""
-    for place in ("server.control.OLDEST_COMMAND", "server.control.SILENCE", "link.attached.words.OLDEST_COMMAND"):
-        patch.setattr(f"wirebond.{place}", 3600.0)
-    patch.setattr("wirebond.server.control._TICKS_KEPT", 1_000_000)
-    for module in ("attaching", "attached_link"):
-        patch.setattr(f"wirebond.link.attached.{module}.PATIENCE", PATIENCE)
-    patch.setattr(AttachedLink._exchange, "__defaults__", (0, PATIENCE))
-
-
-@pytest.fixture
-def real_ages() -> None:
-    """For tests of what is late or silent: the times of the product."""
-
-
-@pytest.fixture(autouse=True)
-def ages(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    if "real_ages" not in request.fixturenames:
-        be_patient(monkeypatch)
 
 
 @dataclass
