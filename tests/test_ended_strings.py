@@ -43,10 +43,12 @@ VALUES: dict[str, Any] = {
 PAYLOAD = bytes.fromhex("02 67 c3 b6 32 00 00 ff 2c 34 12 00 07 61 62 63 64 00 00")
 
 
+RAW = Codec(loads(TEXT.split("      count:", maxsplit=1)[0] + "      raw: {type: bytes, max: 64}\n"))
+
+
 def framed(payload: bytes) -> bytes:
     """By the engine of a format with the same frame, whose message is bytes alone."""
-    raw = loads(TEXT.split("      count:", maxsplit=1)[0] + "      raw: {type: bytes, max: 64}\n")
-    return Codec(raw).encode("identity", {"raw": payload})
+    return RAW.encode("identity", {"raw": payload})
 
 
 def slow(payload: bytes) -> dict[str, Any] | None:
