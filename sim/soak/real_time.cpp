@@ -12,6 +12,7 @@
 #include <cerrno>
 #include <cstdint>
 #include <cstdio>
+#include <memory>
 #include <mutex>
 #include <string_view>
 #include <thread>
@@ -68,11 +69,20 @@ struct Common {
   Line to_host_line;
   std::atomic<bool> offers{true};
   std::atomic<bool> ends{false};
+  std::atomic<std::uint64_t> settled_at_mcu{0};  ///< bytes of which the end has made frames, or that it has given up
+  std::atomic<std::uint64_t> settled_at_host{0};
 
-  /// Everything that was accepted has come, or is lost.
-  bool is_empty() {
-    const std::lock_guard<std::mutex> lock(mutex);
-    return to_mcu.waiting() + to_mcu.travelling() + to_host.waiting() + to_host.travelling() == 0;
+  /// Everything that was accepted has left, come out of the line, and is settled at the other end.
+  bool is_over() {
+    {
+      const std::lock_guard<std::mutex> lock(mutex);
+      if (to_mcu.waiting() + to_host.waiting() != 0) return false;
+    }
+    const auto is_settled = [this](PtyWire::End from, const std::atomic<std::uint64_t>& settled) {
+      const auto counts = to_mcu_line.wire.account(from).counts;
+      return counts.travelling == 0 && counts.handed_over == settled.load(std::memory_order_relaxed);
+    };
+    return is_settled(PtyWire::a, settled_at_mcu) && is_settled(PtyWire::b, settled_at_host);
   }
 };
 
@@ -123,7 +133,7 @@ class Port : public wirebond::posix::Port {
 class Mcu {
  public:
   Mcu(int fd, Common& common) : common_(common), port_(fd, common), handler_(common), link_(handler_, port_, buffers_) {
-    handler_.place.look = [this] { return soak::place_of(link_); };
+    handler_.place.look = settled_.look = [this] { return soak::place_of(link_); };
   }
 
   bool start() { return port_.start(link_); }
@@ -144,6 +154,7 @@ class Mcu {
       }
       if (poll_at > now) continue;
       poll();
+      common_.settled_at_mcu.store(settled_(), std::memory_order_relaxed);
       poll_at = std::max(poll_at + poll_every, now);
     }
   }
@@ -154,6 +165,7 @@ class Mcu {
 
  private:
   static constexpr Time poll_every = 1'000'000;
+  static constexpr std::size_t receive_bytes = std::size_t{1} << 22;  ///< twenty seconds of the fastest line
 
   /// Its base has a function for each action of the file's deadlines.
   struct Handler : mix::Actions {
@@ -199,8 +211,9 @@ class Mcu {
   Common& common_;
   Port port_;
   Handler handler_;
-  mix::protocol::McuBuffers<65536, soak::buffer_for(mix::protocol::AtMcu::max_sent_bytes)> buffers_{};
+  mix::protocol::McuBuffers<receive_bytes, soak::buffer_for(mix::protocol::AtMcu::max_sent_bytes)> buffers_{};
   mix::protocol::McuLink<Handler, Port, decltype(buffers_)> link_;
+  soak::ReceivedPlace settled_;
   std::array<std::uint16_t, mix::mcu_messages> next_sample_{};
   std::uint32_t now_us_ = 0;
   std::uint32_t sent_ = 0;
@@ -234,6 +247,7 @@ class Host {
       }
       link_.poll(now_us());
       write();
+      common_.settled_at_host.store(link_.deframer().account().settled(), std::memory_order_relaxed);
     }
     cpu_seconds_ = static_cast<double>(thread_cpu_ns() - cpu_before) * 1e-9;
   }
@@ -355,16 +369,16 @@ void wait_for_end(const Options& options, Common& common, PtyWire& wire, double 
   seconds = static_cast<double>(monotonic_ns() - start) * 1e-9;
   for (const PtyWire::End from : {PtyWire::a, PtyWire::b}) use[from] = wire.line_use(from);
   common.offers.store(false, std::memory_order_relaxed);
-  constexpr Time patience = 1'000'000'000;  // frames that faults lost stay as they are
+  constexpr Time patience = 30'000'000'000;  // then something hangs, and the account says what is missing
   Time quiet_since = monotonic_ns();
-  std::uint64_t handed_over = 0;
-  while (!common.is_empty() && monotonic_ns() - quiet_since < patience) {
-    sleep_until(monotonic_ns() + 20'000'000);
-    const std::uint64_t now = wire.handed_over();
-    if (now != handed_over) quiet_since = monotonic_ns();
-    handed_over = now;
+  std::uint64_t settled = 0;
+  while (!common.is_over() && monotonic_ns() - quiet_since < patience) {
+    sleep_until(monotonic_ns() + 1'000'000);
+    const std::uint64_t at_mcu = common.settled_at_mcu.load(std::memory_order_relaxed);
+    const std::uint64_t now = at_mcu + common.settled_at_host.load(std::memory_order_relaxed);
+    if (now != settled) quiet_since = monotonic_ns();
+    settled = now;
   }
-  sleep_until(monotonic_ns() + 50'000'000);  // incomplete frames are given up
 }
 
 int soak_in_real_time(const Options& options) {
@@ -377,7 +391,8 @@ int soak_in_real_time(const Options& options) {
   wirebond::posix::Descriptor mcu_tty = wirebond::posix::open_serial(wire.path(PtyWire::b), {}, error);
   if (!host_tty.is_open() || !mcu_tty.is_open()) return std::fprintf(stderr, "a pty cannot be opened\n"), 3;
   Common common(wire);
-  Mcu mcu(mcu_tty.get(), common);
+  const auto mcu_on_the_heap = std::make_unique<Mcu>(mcu_tty.get(), common);
+  Mcu& mcu = *mcu_on_the_heap;
   Host host(host_tty.get(), common, options.to_mcu);
   if (!mcu.start()) return std::fprintf(stderr, "the system has no descriptor left\n"), 3;
   std::atomic<bool> wire_ends{false};

@@ -19,6 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from tests.runner.kinds import timed_files
 from tests.runner.results import Result, read_results
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -34,6 +35,11 @@ class EndedEarlyError(Exception):
     """pytest did not come to its end: wrong arguments, Ctrl-C, or a test that hung. It has printed why."""
 
 
+def surroundings() -> dict[str, str]:
+    """Python may keep what it compiled: hundreds of its processes are started."""
+    return {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+
+
 def pytest(*arguments: str, may_be_empty: bool = False) -> list[Result]:
     """Run it and return the results. ``may_be_empty``: there may be no test to run.
 
@@ -41,7 +47,7 @@ def pytest(*arguments: str, may_be_empty: bool = False) -> list[Result]:
     """
     FILE.unlink(missing_ok=True)
     command = [sys.executable, "-m", "pytest", "--results", str(FILE), *arguments]
-    code = subprocess.run(command, cwd=ROOT, check=False).returncode
+    code = subprocess.run(command, cwd=ROOT, env=surroundings(), check=False).returncode
     if code == NO_TESTS and may_be_empty:
         return []
     if code not in (PASSED, FAILED) or not FILE.exists():
@@ -95,7 +101,7 @@ def run(workers: int, with_long: bool, is_strict: bool) -> int:
     patience = ("-o", f"faulthandler_timeout={LONGEST_PROOF}") if with_long else ()
     results = pytest("-n", str(workers), "--dist", "worksteal", "-m", f"not timed{short}", *patience)
     print("\nThe timed tests, one at a time:", flush=True)
-    timed = pytest("-n", "0", "-m", f"timed{short}", *patience)
+    timed = pytest("-n", "0", "-m", f"timed{short}", *patience, *map(str, timed_files()))
     verdicts = Verdicts()
     for result in timed:
         judge(result, repeat_alone, verdicts)

@@ -12,12 +12,14 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
 
 from tests.runner.stalls import Meter
 
+TESTS = Path(__file__).resolve().parents[1]
 _TTYS = ("/dev/pt", "/dev/tty")
 _REFUSED = {  # in pure tests, by the audit events of Python
     "subprocess.Popen": "starts a process",
@@ -79,9 +81,19 @@ def tolerance(test: pytest.Item) -> float:
     return float(marker.kwargs["tolerance"])
 
 
+@functools.cache
+def timed_files() -> list[Path]:
+    """The files with timed tests, so that nobody needs to load all the others to find them."""
+    return [path for path in sorted(TESTS.rglob("test_*.py")) if "pytest.mark.timed(" in path.read_text("utf-8")]
+
+
 def pytest_itemcollected(item: pytest.Item) -> None:
-    if is_timed(item) and not 0.0 < tolerance(item) <= 0.5:
+    if not is_timed(item):
+        return
+    if not 0.0 < tolerance(item) <= 0.5:
         raise pytest.UsageError(f"{item.nodeid}: write `timed(tolerance=SECONDS)` with at most 0.5 s")
+    if TESTS in item.path.parents and item.path not in timed_files():
+        raise pytest.UsageError(f"{item.nodeid}: write `pytest.mark.timed(tolerance=SECONDS)` in its file")
 
 
 # ---- pure
