@@ -151,9 +151,8 @@ def test_odometry_that_stays_away_stops_navigation_until_it_is_back(rover: Bench
     assert any("navigation is stopped, because there was no odometry for 0.5 s" in text for _, text in node.lines)
     rover.navigates()
     assert node.qos["/navigation_ok"].latched
-    assert node.cancelled == ["/navigate_to_pose"] * node.lines.count(
-        ("warning", "stop_navigation: no odometry for 0.5 s")
-    )
+    stops = ("warning", "stop_navigation: no odometry for 0.5 s")
+    node.wait(lambda: node.cancelled == ["/navigate_to_pose"] * node.lines.count(stops))
 
 
 def test_status_that_stays_away_is_a_warning_and_is_asked_for(rover: Bench) -> None:

@@ -35,9 +35,9 @@ class EndedEarlyError(Exception):
     """pytest did not come to its end: wrong arguments, Ctrl-C, or a test that hung. It has printed why."""
 
 
-def surroundings() -> dict[str, str]:
-    """Python may keep what it compiled: hundreds of its processes are started."""
-    return {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+def compile_once() -> None:
+    """Compile the package before hundreds of processes import it, some of which may write no whole file."""
+    subprocess.run([sys.executable, "-m", "compileall", "-q", "-j", "0", "python/src"], cwd=ROOT, check=True)
 
 
 def pytest(*arguments: str, may_be_empty: bool = False) -> list[Result]:
@@ -47,7 +47,8 @@ def pytest(*arguments: str, may_be_empty: bool = False) -> list[Result]:
     """
     FILE.unlink(missing_ok=True)
     command = [sys.executable, "-m", "pytest", "--results", str(FILE), *arguments]
-    code = subprocess.run(command, cwd=ROOT, env=surroundings(), check=False).returncode
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    code = subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode
     if code == NO_TESTS and may_be_empty:
         return []
     if code not in (PASSED, FAILED) or not FILE.exists():
@@ -97,6 +98,7 @@ def show(title: str, names: list[str]) -> None:
 
 def run(workers: int, with_long: bool, is_strict: bool) -> int:
     began = time.monotonic()
+    compile_once()
     short = "" if with_long else " and not long"
     patience = ("-o", f"faulthandler_timeout={LONGEST_PROOF}") if with_long else ()
     results = pytest("-n", str(workers), "--dist", "worksteal", "-m", f"not timed{short}", *patience)
