@@ -69,8 +69,19 @@ struct Common {
   Line to_host_line;
   std::atomic<bool> offers{true};
   std::atomic<bool> ends{false};
+  std::atomic<std::uint64_t> begun_at_mcu{0};  ///< bytes of the frames that the end has begun to write
+  std::atomic<std::uint64_t> begun_at_host{0};
   std::atomic<std::uint64_t> settled_at_mcu{0};  ///< bytes of which the end has made frames, or that it has given up
   std::atomic<std::uint64_t> settled_at_host{0};
+
+  /// Do bytes of this direction lie between its two ends, of which the later one has `received` so many, modulo 2^32?
+  /// Then the reader's silence is this machine's lateness, and not the line's.
+  bool is_owed(PtyWire::End from, std::uint64_t received) {
+    const std::uint64_t begun = (from == PtyWire::a ? begun_at_host : begun_at_mcu).load(std::memory_order_relaxed);
+    const auto counts = to_mcu_line.wire.account(from).counts;
+    return counts.put < begun || counts.travelling != 0 ||
+           static_cast<std::uint32_t>(counts.handed_over) != static_cast<std::uint32_t>(received);
+  }
 
   /// Everything that was accepted has left, come out of the line, and is settled at the other end.
   bool is_over() {
@@ -113,6 +124,7 @@ class Port : public wirebond::posix::Port {
         is_in_order_ = common_.to_host.leave(bytes_, size, monotonic_ns(), common_.to_host_line) && is_in_order_;
       }
       bytes_ += size;
+      common_.begun_at_mcu.store(bytes_, std::memory_order_relaxed);
       runs_ += 1;
     }
     return wirebond::posix::Port::start_transmit(bytes, size);
@@ -199,10 +211,14 @@ class Mcu {
     sample = static_cast<std::uint16_t>((sample + 1) % mix::samples);
   }
 
-  /// The link's clock stands while the line does: a pty waits for its reader, and the link would break off the run.
+  /// The link's clock stands while the line does: a pty waits for its reader, and the link would break off the run; and
+  /// bytes that are on their way would be taken for silence within a frame.
   void poll() {
     const auto account = link_.send_account();
-    if (account.queued == 0 || account.sent != sent_) now_us_ += 1000;
+    const std::uint32_t received = link_.receive_account().received;
+    const bool is_heard = received != received_ || !common_.is_owed(PtyWire::a, received);
+    if ((account.queued == 0 || account.sent != sent_) && is_heard) now_us_ += 1000;
+    received_ = received;
     sent_ = account.sent;
     link_.poll(now_us_);
     polls_ += 1;
@@ -217,6 +233,7 @@ class Mcu {
   std::array<std::uint16_t, mix::mcu_messages> next_sample_{};
   std::uint32_t now_us_ = 0;
   std::uint32_t sent_ = 0;
+  std::uint32_t received_ = 0;
   std::uint64_t polls_ = 0;
 };
 
@@ -278,13 +295,14 @@ class Host {
       common_.to_host.deliver(mix::mcu_message(frame.message), frame.payload, frame.payload_size,
                               frame.offset + frame.wire_size, monotonic_ns(), mix::from_mcu, common_.to_host_line);
     };
+    const bool is_silent = !common_.is_owed(PtyWire::b, link_.deframer().bytes());
     const std::uint64_t before_us = now_us();
     const ssize_t size = ::read(fd_, bytes_.data(), bytes_.size());
     const std::lock_guard<std::mutex> lock(common_.mutex);
     if (size > 0) {
       const bool is_all = static_cast<std::size_t>(size) < bytes_.size();
       link_.received(bytes_.data(), static_cast<std::size_t>(size), before_us, now_us(), is_all, take);
-    } else {
+    } else if (is_silent) {
       link_.idle(before_us, take);
     }
   }
@@ -317,6 +335,7 @@ class Host {
                                : common_.to_mcu.leave(bytes_written_, out.size, monotonic_ns(), common_.to_mcu_line)) &&
             is_in_order_;
         bytes_written_ += out.size;
+        common_.begun_at_host.store(bytes_written_, std::memory_order_relaxed);
         left_of_frame_ = out.size;
       }
       left_of_frame_ -= size;

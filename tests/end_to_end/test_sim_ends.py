@@ -66,10 +66,16 @@ def test_the_simulation_says_what_it_refused(
 ) -> None:
     described = codec("diffdrive")
     good = described.encode("velocity", linear=0.5, angular=0)
-    reads = iter([b"\x01\x02\x03" + good + good[:-2] + b"\x00\x0d" + good])
-    monkeypatch.setattr(PtyPort, "read", lambda *_: next(reads, b""))
+    reads = iter([b"\x01\x02\x03" + good + good[:-2] + b"\x00\x0d" + good, b"", b""])
+
+    def read(*_: object) -> bytes:
+        for data in reads:
+            return data
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(PtyPort, "read", read)
     options = ["--stats"] if as_json else []
-    assert main(["sim", str(PROTOCOLS / "diffdrive.yaml"), "--seconds", "0.05", *options]) == 0
+    assert main(["sim", str(PROTOCOLS / "diffdrive.yaml"), *options]) == 0
     shown = capsys.readouterr()
     if as_json:
         told = json.loads(shown.out.splitlines()[1])

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import inspect
+import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
@@ -32,6 +34,7 @@ _Reply = TypeVar("_Reply")
 _MessageHandler = TypeVar("_MessageHandler", bound=Callable[[Message], object])
 _LogHandler = TypeVar("_LogHandler", bound=Callable[[LogEvent], object])
 _DeadlineHandler = TypeVar("_DeadlineHandler", bound=Callable[[DeadlineEvent], object])
+_SIGNAL_TURN = 0.25  # seconds
 _REPLAY_WAIT = 0.05  # seconds between two looks whether a replay has ended
 _ITERATION_WAIT = 60.0  # seconds: how long one wait of an iteration lasts; signals are heard meanwhile
 _NO_LIMIT = 1e9  # seconds: longer times mean the same, and threads cannot wait for them
@@ -372,7 +375,7 @@ class Receiving:
         outcome: Outcome | None = None
         try:
             try:
-                outcome = answer.get(timeout=asked.timeout)
+                outcome = _get(answer, asked.timeout)
             except Empty:
                 self._inbox.requests.withdraw(asked.question)
                 try:
@@ -497,6 +500,18 @@ class Receiving:
     def state(self) -> str:
         """See ``Link``."""
         raise NotImplementedError
+
+
+def _get(answer: SimpleQueue[Outcome], timeout: float) -> Outcome:
+    """Wait in short turns: Python can miss a signal that comes just before a wait, until the wait is over.
+
+    :raises Empty: nothing came in time.
+    """
+    until = time.monotonic() + timeout
+    while (left := until - time.monotonic()) > _SIGNAL_TURN:
+        with contextlib.suppress(Empty):
+            return answer.get(timeout=_SIGNAL_TURN)
+    return answer.get(timeout=max(left, 0.0))
 
 
 def _refuse_coroutine(function: object, where: str) -> None:
