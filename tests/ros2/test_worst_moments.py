@@ -18,7 +18,7 @@ import wirebond
 from tests.ros2.domains import own_domain
 from tests.ros2.over_rclpy import rclpy_environment
 from tests.ros2.peer import Peer, message, twist
-from tests.ros2.test_over_rclpy import DIFFDRIVE, domain, drives, presses, program, stands
+from tests.ros2.test_over_rclpy import DIFFDRIVE, domain, drives, presses, program, releases, stands
 from tests.ros2.test_rover import WIREBOND, diagnosed, said
 from tests.shared import PROTOCOLS
 from tests.waiting import PATIENCE, wait_until
@@ -144,7 +144,7 @@ def test_emergency_stop_outlives_a_bridge_that_is_killed_also_on_a_full_disk(pro
     with rover.RoverProcess(program) as robot:
         with running("rclpy", robot.port, tmp_path, full_disk=True) as (_, peer):
             drives(peer)
-            presses(peer, True)
+            presses(peer)
             peer.wait(lambda: said(peer, "emergency stop: what moves"))
         with running("rclpy", robot.port, tmp_path) as (_, peer):
             peer.wait(lambda: said(peer, "an emergency stop still holds"))
@@ -156,8 +156,7 @@ def test_emergency_stop_outlives_a_bridge_that_is_killed_also_on_a_full_disk(pro
             peer.wait(is_refused)
             stands(peer)
             assert not [frame for frame in sent(peer) if FAST in frame]
-            presses(peer, False)
-            peer.wait(lambda: said(peer, "the emergency stop is released"))
+            releases(peer, lambda: said(peer, "the emergency stop is released"))
             drives(peer)
 
 
@@ -169,30 +168,31 @@ def test_two_bridges_share_a_server_that_restarts(program: Path, tmp_path: Path)
         process, peer = stack.enter_context(running("rclpy", address, tmp_path))
         _, other = stack.enter_context(running("rclpy", address, tmp_path / "other", namespace="/other"))
         drives(peer)
-        other.publish("/other/cmd_vel", twist(0.8, 0.0))
         take = "end its control there, then take it: ros2 topic pub --once /other/diffdrive/take_control"
-        (line,) = other.wait(lambda: said(other, take))
+
+        def is_refused() -> list[str]:
+            other.publish("/other/cmd_vel", twist(0.8, 0.0))  # the first may come before its odometry
+            return said(other, take)
+
+        line, *_ = other.wait(is_refused)
         assert re.search(rf"ROS node /diffdrive \(\d+\) is in control of the robot; {take}", line)
         other.publish("/other/emergency_stop", message("std_msgs/Bool", True))  # anybody may stop
         peer.wait(lambda: own.stopped)
         stands(peer)
-        presses(peer, False)  # the other one stopped it
-        (line,) = peer.wait(lambda: said(peer, "the emergency stop still holds"))
+        line, *_ = releases(peer, lambda: said(peer, "the emergency stop still holds"))  # the other one stopped it
         over = "look at the robot, then publish to /emergency_stop/release_over"
         assert re.search(rf"ROS node /other/diffdrive \(\d+\) stopped the robot; {over}", line)
-        other.publish("/other/emergency_stop", message("std_msgs/Bool", False))
-        peer.wait(lambda: not own.stopped)
+        releases(other, lambda: not own.stopped, "/other/emergency_stop")
         assert not [frame for frame in sent(peer) if FAST in frame]
 
         server.close()
         peer.wait(lambda: said(peer, "no server runs at"))
-        presses(peer, True)
+        presses(peer)
         peer.wait(lambda: said(peer, "emergency stop: NOT confirmed, trying again until false comes"))
         stack.enter_context(Server(own, socket))
         peer.wait(lambda: own.stopped)
         peer.wait(lambda: said(peer, "emergency stop: what moves"))
-        presses(peer, False)
-        peer.wait(lambda: said(peer, "the emergency stop is released"))
+        releases(peer, lambda: said(peer, "the emergency stop is released"))
         drives(peer)
 
         process.kill()  # while it drives
