@@ -103,7 +103,7 @@ def test_engine_reference_and_explanation_agree_however_the_stream_is_cut(sender
         slow = reference.decode(CODEC.model, stream[:4000], sender)
         assert explained.rejected_candidates == dict(slow.rejected_candidates)
         refused += expected.rejected_candidates["unknown_message"]
-    assert refused > 4 * len(seeds)
+    assert refused > 50
 
 
 @pytest.mark.live

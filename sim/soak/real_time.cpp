@@ -89,11 +89,8 @@ struct Common {
       const std::lock_guard<std::mutex> lock(mutex);
       if (to_mcu.waiting() + to_host.waiting() != 0) return false;
     }
-    const auto is_settled = [this](PtyWire::End from, const std::atomic<std::uint64_t>& settled) {
-      const auto counts = to_mcu_line.wire.account(from).counts;
-      return counts.travelling == 0 && counts.handed_over == settled.load(std::memory_order_relaxed);
-    };
-    return is_settled(PtyWire::a, settled_at_mcu) && is_settled(PtyWire::b, settled_at_host);
+    return !is_owed(PtyWire::a, settled_at_mcu.load(std::memory_order_relaxed)) &&
+           !is_owed(PtyWire::b, settled_at_host.load(std::memory_order_relaxed));
   }
 };
 
@@ -410,13 +407,12 @@ int soak_in_real_time(const Options& options) {
   wirebond::posix::Descriptor mcu_tty = wirebond::posix::open_serial(wire.path(PtyWire::b), {}, error);
   if (!host_tty.is_open() || !mcu_tty.is_open()) return std::fprintf(stderr, "a pty cannot be opened\n"), 3;
   Common common(wire);
-  const auto mcu_on_the_heap = std::make_unique<Mcu>(mcu_tty.get(), common);
-  Mcu& mcu = *mcu_on_the_heap;
+  const auto mcu = std::make_unique<Mcu>(mcu_tty.get(), common);  // its ring is too large for a stack
   Host host(host_tty.get(), common, options.to_mcu);
-  if (!mcu.start()) return std::fprintf(stderr, "the system has no descriptor left\n"), 3;
+  if (!mcu->start()) return std::fprintf(stderr, "the system has no descriptor left\n"), 3;
   std::atomic<bool> wire_ends{false};
   std::thread wire_thread([&] { wire.run(wire_ends, wirebond::sim::never); });
-  std::thread mcu_thread([&] { mcu.run(options.mcu_period); });
+  std::thread mcu_thread([&] { mcu->run(options.mcu_period); });
   std::thread host_thread([&] { host.run(options.host_period); });
   double use[2] = {};
   double seconds = 0;
@@ -424,7 +420,7 @@ int soak_in_real_time(const Options& options) {
   common.ends.store(true, std::memory_order_relaxed);
   host_thread.join();
   mcu_thread.join();
-  mcu.stop();
+  mcu->stop();
   wire_ends.store(true, std::memory_order_relaxed);
   wire_thread.join();
   common.to_mcu.end(common.to_mcu_line);
@@ -433,12 +429,12 @@ int soak_in_real_time(const Options& options) {
   const wirebond::sim::WireCounts& to_mcu = wire.wire(PtyWire::a).counts();
   const wirebond::sim::WireCounts& to_host = wire.wire(PtyWire::b).counts();
   const std::uint64_t unaccounted =
-      soak::unaccounted(common.to_mcu, common.to_host, host.link(), mcu.link(), to_mcu, to_host) +
-      (host.is_in_order() ? 0 : 1) + (mcu.port().is_in_order() ? 0 : 1);
+      soak::unaccounted(common.to_mcu, common.to_host, host.link(), mcu->link(), to_mcu, to_host) +
+      (host.is_in_order() ? 0 : 1) + (mcu->port().is_in_order() ? 0 : 1);
   soak::print_head(seconds, seconds, unaccounted, host.cpu_seconds());
-  soak::print_work(mcu.polls(), mcu.port().runs(), 0);
-  soak::print_to_mcu({common.to_mcu, to_mcu, use[PtyWire::a], wirebond::sim::never}, host.link(), mcu.link());
-  soak::print_to_host({common.to_host, to_host, use[PtyWire::b], wirebond::sim::never}, host.link(), mcu.link());
+  soak::print_work(mcu->polls(), mcu->port().runs(), 0);
+  soak::print_to_mcu({common.to_mcu, to_mcu, use[PtyWire::a], wirebond::sim::never}, host.link(), mcu->link());
+  soak::print_to_host({common.to_host, to_host, use[PtyWire::b], wirebond::sim::never}, host.link(), mcu->link());
   return 0;
 }
 

@@ -83,7 +83,7 @@ def tolerance(test: pytest.Item) -> float:
 
 @functools.cache
 def timed_files() -> list[Path]:
-    """The files with timed tests, so that nobody needs to load all the others to find them."""
+    """The files that have timed tests. The runner collects only these for its second part."""
     return [path for path in sorted(TESTS.rglob("test_*.py")) if "pytest.mark.timed(" in path.read_text("utf-8")]
 
 

@@ -120,11 +120,6 @@ class PtyWire {
     const std::lock_guard<std::mutex> lock(mutex_);
     return wires_[from].origin_of(handed_over);
   }
-  /// Return the number of bytes that came out, in both directions.
-  std::uint64_t handed_over() {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    return wires_[a].counts().handed_over + wires_[b].counts().handed_over;
-  }
   /// Return a consistent account of one direction, as of now, or of the end of `run`.
   PtyWireAccount account(End from) {
     const std::lock_guard<std::mutex> lock(mutex_);
