@@ -1,9 +1,10 @@
 // The linear axis as a process, with a simulated slide. Events: a parameter was set. On stdin it takes log lines for
-// the host: LEVEL TEXT.
+// the host, LEVEL TEXT, which wait here while the send queue has no room for them.
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
+#include <deque>
 #include <string>
 
 #include "axis.hpp"
@@ -31,14 +32,18 @@ class SimulatedBoard {
   float speed_m_s_ = 0.0F;
 };
 
-/// Split a line into its level and the text after it.
-bool log_line(const std::string& line, wirebond::Level& level, std::string& text) {
+struct LogLine {
+  wirebond::Level level{};
+  std::string text;
+};
+
+/// Split a line into its level and the text after it. Returns false where it has none.
+bool split(const std::string& line, LogLine& read) {
   static constexpr std::array<const char*, 4> names = {"debug ", "info ", "warning ", "error "};
   for (std::size_t i = 0; i < names.size(); ++i) {
     const std::string name = names[i];
     if (line.compare(0, name.size(), name) != 0) continue;
-    level = static_cast<wirebond::Level>(i);
-    text = line.substr(name.size());
+    read = {static_cast<wirebond::Level>(i), line.substr(name.size())};
     return true;
   }
   return false;
@@ -53,12 +58,19 @@ int main(int argument_count, char** arguments) {
   axis::Buffers buffers{};
   wirebond::posix::Port uart(process.uart());
   axis::Axis<SimulatedBoard, wirebond::posix::Port> axis(board, uart, buffers);
+  std::deque<LogLine> waiting;
   const auto obey = [&](const std::string& line) {
-    wirebond::Level level{};
-    std::string text;
-    return log_line(line, level, text) && axis.link().log(level, text) == wirebond::Status::ok;
+    LogLine read;
+    if (!split(line, read)) return false;
+    waiting.push_back(read);
+    return true;
+  };
+  const auto poll = [&](std::uint32_t now_us) {
+    axis.poll(now_us);
+    while (!waiting.empty() && axis.link().log(waiting.front().level, waiting.front().text) == wirebond::Status::ok)
+      waiting.pop_front();
   };
   return process.run(
       uart, axis.link(), "LEVEL TEXT, with debug, info, warning or error", obey,
-      [&](std::uint32_t) { board.step(0.001F); }, [&](std::uint32_t now_us) { axis.poll(now_us); });
+      [&](std::uint32_t) { board.step(0.001F); }, poll);
 }
