@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,7 @@ from wirebond.protocol.apart import ends_look_alike
 from wirebond.protocol.loader import loads
 from wirebond.protocol.model import Protocol
 from wirebond.protocol.planning import ids_collide
+from wirebond.sim import rover
 
 ROOT = Path(__file__).resolve().parents[1]
 PROTOCOLS = ROOT / "protocols"
@@ -61,14 +64,30 @@ def rejected_vectors() -> list[Rejected]:
     return [Rejected(row["protocol"], row["why"], bytes.fromhex(row["hex"])) for row in rows]
 
 
+@cache
+def loaded(path: Path) -> wirebond.Codec:
+    """The protocol of a file that no test writes: hundreds of tests ask for the same hundred files."""
+    return wirebond.load(path)
+
+
 def codec(name: str) -> wirebond.Codec:
-    return wirebond.load(PROTOCOLS / f"{name}.yaml")
+    return loaded(PROTOCOLS / f"{name}.yaml")
 
 
 def codec_without_latest(name: str) -> wirebond.Codec:
     """For tests that send many of a message at once, and expect each of them to leave."""
     text = (PROTOCOLS / f"{name}.yaml").read_text(encoding="utf-8")
     return wirebond.Codec(loads(text.replace("queue: latest", "queue: normal")))
+
+
+def rover_program() -> Path:
+    """The rover's firmware for this machine, compiled once for all tests, and quickly: without optimisation."""
+    folder = ROOT / "build" / "rover"
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "lock").open("w") as lock, pytest.MonkeyPatch.context() as patch:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        patch.setenv("CXXFLAGS", "-O0 -DWIREBOND_INLINE=inline -DWIREBOND_INLINE_LAMBDA=")
+        return rover.build(folder)
 
 
 def account_closes(stats: wirebond.Stats) -> bool:

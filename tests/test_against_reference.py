@@ -7,9 +7,9 @@ import random
 import pytest
 
 from tests import reference
-from tests.shared import PROTOCOLS, ROOT, account_closes, few_or_many, needs_sender
+from tests.shared import PROTOCOLS, ROOT, account_closes, few_or_many, loaded, needs_sender
 from tests.streams import chunks, hard_stream, random_frame, random_values
-from wirebond import Codec, load
+from wirebond import Codec
 from wirebond.protocol.model import End
 
 FORMATS = {path.stem: path for folder in (PROTOCOLS, ROOT / "tests" / "formats") for path in folder.glob("*.yaml")}
@@ -34,7 +34,7 @@ def can_be_told(proto: Codec, sender: End | None) -> bool:
 @pytest.mark.parametrize("sender", [None, End.HOST, End.MCU])
 @pytest.mark.parametrize("name", sorted(FORMATS))
 def test_engine_and_reference_agree_on_hard_streams(name: str, sender: End | None, number: int) -> None:
-    proto = load(FORMATS[name])
+    proto = loaded(FORMATS[name])
     if not can_be_told(proto, sender):
         return
     for seed in range(number):
@@ -60,7 +60,7 @@ def test_engine_and_reference_agree_on_hard_streams(name: str, sender: End | Non
 
 @pytest.mark.parametrize("name", sorted(FORMATS))
 def test_columns_hold_what_the_decoder_delivers(name: str) -> None:
-    proto = load(FORMATS[name])
+    proto = loaded(FORMATS[name])
     stream = stream_for(proto, random.Random(name))
     sender = None if can_be_told(proto, None) else End.MCU
     decoder = proto.decoder(sender)
@@ -76,7 +76,7 @@ def test_columns_hold_what_the_decoder_delivers(name: str) -> None:
 @few_or_many(60, 600)
 @pytest.mark.parametrize("name", sorted(FORMATS))
 def test_every_message_survives_encoding_and_decoding(name: str, number: int) -> None:
-    proto = load(FORMATS[name])
+    proto = loaded(FORMATS[name])
     source = random.Random(name)
     for _ in range(number):
         sent = source.choice(proto.model.messages)

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import wirebond
+from tests.shared import loaded
 from wirebond.analysis.explain.verdict import Cause
 from wirebond.chinese import Table, chinese, read_pairs, with_chinese
 from wirebond.codec import Codec
@@ -58,7 +59,7 @@ def protocols() -> list[tuple[str, Codec]]:
     found = []
     for path in FILES:
         if "protocol:" in path.read_text(encoding="utf-8"):
-            found.append((path.stem, wirebond.load(path)))
+            found.append((path.stem, loaded(path)))
     return found
 
 
@@ -95,7 +96,7 @@ def test_a_port_that_cannot_be_opened_says_why_in_chinese(tmp_path: Path) -> Non
     ],
 )
 def test_a_value_that_is_refused_is_refused_in_chinese(message: str, fields: dict[str, object]) -> None:
-    codec = wirebond.load(ROOT / "protocols" / "diffdrive.yaml")
+    codec = loaded(ROOT / "protocols" / "diffdrive.yaml")
     with pytest.raises(wirebond.MessageError) as raised:
         codec.encode(message, fields)
     assert chinese(str(raised.value)) is not None, str(raised.value)

@@ -9,9 +9,9 @@ import pytest
 
 from tests import reference
 from tests.conformance.build import build_decoder, decode
-from tests.shared import ROOT
+from tests.shared import ROOT, loaded
 from tests.test_forms import CRC, printed_by_cpp, protocol
-from wirebond import Codec, MessageError, UsageError, load
+from wirebond import Codec, MessageError, UsageError
 from wirebond.analysis.explain import Kind, explain
 from wirebond.errors import ProtocolFileError
 from wirebond.generate.doc import markdown
@@ -67,7 +67,7 @@ def found_by_all(model: Protocol, end: End, stream: bytes, folder: Path) -> list
 
 @pytest.mark.live
 def test_the_start_byte_of_a_motor_controller_follows_from_the_size(tmp_path: Path) -> None:
-    codec = load(FORMATS / "vesc.yaml")
+    codec = loaded(FORMATS / "vesc.yaml")
     source = random.Random(1)
     texts = ["".join(source.choices("abcdef", k=size)) for size in (0, 1, 253, 254, 255, 256, 500)]
     frames = [codec.encode("print", text=text) for text in texts]
@@ -87,7 +87,7 @@ def test_the_start_byte_of_a_motor_controller_follows_from_the_size(tmp_path: Pa
 
 @pytest.mark.live
 def test_a_frame_whose_size_breaks_the_condition_is_refused(tmp_path: Path) -> None:
-    codec = load(FORMATS / "vesc.yaml")
+    codec = loaded(FORMATS / "vesc.yaml")
     short, good = vesc_packet(b"\x15abc", start=3), codec.encode("print", text="good")
     assert found_by_all(codec.model, End.MCU, short + good, tmp_path) == [("print", good)]
     first = explain(codec.model, short + good, End.MCU).stretches[0]
@@ -97,7 +97,7 @@ def test_a_frame_whose_size_breaks_the_condition_is_refused(tmp_path: Path) -> N
 
 @pytest.mark.live
 def test_a_drone_s_three_direction_bytes(tmp_path: Path) -> None:
-    codec = load(FORMATS / "msp.yaml")
+    codec = loaded(FORMATS / "msp.yaml")
     assert codec.encode("get_attitude") == bytes.fromhex("24 4D 3C 00 6C 6C")
     good = codec.encode("attitude", roll=1.5, pitch=-2.0, heading=90)
     assert good == bytes.fromhex("24 4D 3E 06 6C 0F 00 EC FF 5A 00") + bytes([0x06 ^ 0x6C ^ 0x0F ^ 0xEC ^ 0xFF ^ 0x5A])
@@ -113,7 +113,7 @@ def test_a_drone_s_three_direction_bytes(tmp_path: Path) -> None:
 
 @pytest.mark.live
 def test_the_second_version_of_the_drone_protocol(tmp_path: Path) -> None:
-    codec = load(FORMATS / "msp2.yaml")
+    codec = loaded(FORMATS / "msp2.yaml")
     hello = codec.encode("hello", text="Hello flying world", header={"flag": 0xA5})
     assert hello.hex() == "24583ca5424212004" + "8656c6c6f20666c79696e6720776f726c6482"
     assert found_by_all(codec.model, End.HOST, hello, tmp_path) == [("hello", hello)]
@@ -121,7 +121,7 @@ def test_the_second_version_of_the_drone_protocol(tmp_path: Path) -> None:
 
 @pytest.mark.live
 def test_ranges_bits_and_sizes_choose_the_parts_at_both_ends(tmp_path: Path) -> None:
-    codec = load(FORMATS / "conditions.yaml")
+    codec = loaded(FORMATS / "conditions.yaml")
     frames = []
     for kind in (0, 1, 2, 4, 5, 9, 10, 255):
         for name, number in (("ask", 1), ("stop", 0x80)):
@@ -143,7 +143,7 @@ def test_ranges_bits_and_sizes_choose_the_parts_at_both_ends(tmp_path: Path) -> 
 
 @pytest.mark.live
 def test_parts_that_only_one_end_sends(tmp_path: Path) -> None:
-    codec = load(FORMATS / "by_sender.yaml")
+    codec = loaded(FORMATS / "by_sender.yaml")
     assert codec.encode("get", index=3)[:5] == bytes.fromhex("A0 01 01 01 03")
     good = codec.encode("value", value=0)
     busy = codec.encode("value", value=0, header={"state": "busy", "detail": 9})
@@ -232,7 +232,7 @@ def test_a_magic_that_is_asked_for_is_sent_or_refused(late: bool) -> None:
 
 @pytest.mark.live
 def test_generated_code_sends_the_magic_that_its_header_asks_for(tmp_path: Path) -> None:
-    codec = load(FORMATS / "msp.yaml")
+    codec = loaded(FORMATS / "msp.yaml")
     header = "Header header{wirebond::End::mcu}; "
     calls = [
         f"[&] {{ {header}{choice}return encode(Attitude{{}}, header, out, sizeof out, size); }}()"
@@ -404,7 +404,7 @@ def test_what_a_length_run_counts_is_said_beside_the_runs() -> None:
 
 def test_hashes_of_one_bit_and_of_one_magic_stay() -> None:
     """As they were before there were other conditions."""
-    model = load(FORMATS / "optional.yaml").model
+    model = loaded(FORMATS / "optional.yaml").model
     assert f"0x{protocol_hash(model):016X}" == OPTIONAL_HASH
 
 
@@ -433,5 +433,5 @@ def test_choices_are_solved_exactly() -> None:
 
 
 def test_exclusive_conditions_make_no_forms_that_cannot_be() -> None:
-    model = load(FORMATS / "conditions.yaml").model
+    model = loaded(FORMATS / "conditions.yaml").model
     assert len(plan_for(model, End.HOST).forms) == 6

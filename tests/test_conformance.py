@@ -12,10 +12,9 @@ from pathlib import Path
 import pytest
 
 from tests.conformance.build import build_decoder, decode
-from tests.shared import accepted_vectors, codec, rejected_vectors
+from tests.shared import accepted_vectors, codec, loaded, rejected_vectors
 from tests.streams import hard_stream
 from tests.test_against_reference import FORMATS
-from wirebond import load
 from wirebond.protocol.model import End
 
 pytestmark = pytest.mark.live
@@ -25,12 +24,16 @@ ALWAYS = {"diffdrive", "enterprize", "native", "brackets", "words"}
 SANITIZED = {"enterprize"}
 CHUNKS = (0, 1, 7, 4096)  # bytes; 0: random sizes
 
+optimised = pytest.mark.parametrize(
+    "optimise", [pytest.param(False, id="-O0"), pytest.param(True, id="-O2", marks=pytest.mark.long)]
+)
+
 
 def cases() -> list[object]:
     """Every format, sender and source, but those that end by silence: a file has no times."""
     found = []
     for name in sorted(FORMATS):
-        model = load(FORMATS[name]).model
+        model = loaded(FORMATS[name]).model
         if model.format.ends_by_silence:
             continue
         for end in (End.MCU, End.HOST):
@@ -44,11 +47,14 @@ def cases() -> list[object]:
     return found
 
 
+@optimised
 @pytest.mark.parametrize(("name", "sender", "run_time"), cases())
-def test_generated_code_and_engine_agree(name: str, sender: End, run_time: bool, tmp_path: Path) -> None:
-    proto = load(FORMATS[name])
+def test_generated_code_and_engine_agree(
+    name: str, sender: End, run_time: bool, optimise: bool, tmp_path: Path
+) -> None:
+    proto = loaded(FORMATS[name])
     is_sanitized = name in SANITIZED and not run_time
-    program = build_decoder(proto.model, sender, run_time=run_time, optimize=True, sanitize=is_sanitized)
+    program = build_decoder(proto.model, sender, run_time=run_time, optimise=optimise, sanitize=is_sanitized)
     source = random.Random(f"{name} {sender}")
     file = tmp_path / "stream.bin"
     for chunk in CHUNKS:
@@ -66,13 +72,16 @@ def test_generated_code_and_engine_agree(name: str, sender: End, run_time: bool,
             assert result.account[f"rejected.{cause}"] == count
 
 
+@optimised
 @pytest.mark.parametrize("sender", [End.HOST, End.MCU])
 @pytest.mark.parametrize("name", ["enterprize", "diffdrive", "pid_tuner"])
-def test_generated_code_finds_every_vector_between_noise(name: str, sender: End, tmp_path: Path) -> None:
+def test_generated_code_finds_every_vector_between_noise(
+    name: str, sender: End, optimise: bool, tmp_path: Path
+) -> None:
     frames = [v.frame for v in accepted_vectors() if v.protocol == name and v.sender == sender.value]
     if not frames:
         return  # no vector of this end
-    program = build_decoder(codec(name).model, sender, optimize=True, sanitize=name in SANITIZED)
+    program = build_decoder(codec(name).model, sender, optimise=optimise, sanitize=name in SANITIZED)
     file = tmp_path / "vectors.bin"
     for gap in (b"", b"\x01\x02\x03noise\xff"):
         file.write_bytes(gap + gap.join(frames) + gap)
@@ -81,9 +90,10 @@ def test_generated_code_finds_every_vector_between_noise(name: str, sender: End,
             assert [f.wire for f in found.frames] == frames
 
 
-def test_generated_code_refuses_what_must_be_refused(tmp_path: Path) -> None:
+@optimised
+def test_generated_code_refuses_what_must_be_refused(optimise: bool, tmp_path: Path) -> None:
     for rejected in rejected_vectors():
-        program = build_decoder(codec(rejected.protocol).model, End.HOST, optimize=True)
+        program = build_decoder(codec(rejected.protocol).model, End.HOST, optimise=optimise)
         file = tmp_path / "rejected.bin"
         file.write_bytes(rejected.frame)
         for chunk in CHUNKS:

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from tests.conformance.headers import answers, build_headers
-from tests.shared import PROTOCOLS, ROOT
+from tests.shared import PROTOCOLS, ROOT, loaded
 from tests.test_against_reference import FORMATS
-from wirebond import Codec, Message, MessageError, _engine, load
+from wirebond import Codec, Message, MessageError, _engine
 from wirebond.protocol.model import End, HeaderField
 from wirebond.protocol.model.forms import header_fields
 
@@ -27,7 +27,7 @@ MESSAGES = 300
 def cases() -> list[Any]:
     found = []
     for name, path in sorted(FILES.items()):
-        model = load(path).model
+        model = loaded(path).model
         if not header_fields(model.format.parts):
             continue
         for end in (End.HOST, End.MCU):
@@ -90,7 +90,7 @@ def bits(codec: Codec, sender: End, header: dict[str, Any]) -> list[int]:
 
 @pytest.mark.parametrize(("path", "sender"), cases())
 def test_generated_code_and_engine_send_the_same_header_values(path: Path, sender: End) -> None:
-    codec, source = load(path), random.Random(f"{path.stem} {sender}")
+    codec, source = loaded(path), random.Random(f"{path.stem} {sender}")
     bodies = untouched(codec, sender)
     if not bodies:
         pytest.skip("no message of this end can be sent as it is made")

@@ -15,16 +15,16 @@ from tests.shared import ROOT
 
 pytestmark = pytest.mark.live
 
-BUILD = ROOT / "build" / "ports"
 HAL = Path(os.environ.get("STM32_HAL_PATH", "/nonexistent"))
 PORTS = ["fake", "bare_metal", "freertos", "gd32_spl", "posix", "stm32_hal", "stm32_hal_registered", "stm32_ll"]
 
 
-@pytest.fixture(scope="module")
-def build() -> Path:
-    hal = f"-DSTM32_HAL_PATH={HAL if HAL.is_dir() else ''}"
-    _run(["cmake", "-S", str(ROOT / "ports"), "-B", str(BUILD), "-G", "Ninja", hal])
-    return BUILD
+@pytest.fixture(scope="module", params=["-O0", pytest.param("-O1", marks=pytest.mark.long)])
+def build(request: pytest.FixtureRequest) -> Path:
+    folder = ROOT / "build" / f"ports{request.param}"
+    options = [f"-DWIREBOND_OPTIMISE={request.param}", f"-DSTM32_HAL_PATH={HAL if HAL.is_dir() else ''}"]
+    _run(["cmake", "-S", str(ROOT / "ports"), "-B", str(folder), "-G", "Ninja", *options])
+    return folder
 
 
 @pytest.mark.parametrize("port", PORTS)

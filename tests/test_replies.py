@@ -11,9 +11,9 @@ import pytest
 
 from tests import reference
 from tests.conformance.build import FLAGS, build_decoder, decode
-from tests.shared import ROOT, account_closes
+from tests.shared import ROOT, account_closes, loaded
 from tests.streams import chunks, hard_stream, random_values
-from wirebond import UsageError, load
+from wirebond import UsageError
 from wirebond.generate.code import generate_cpp
 from wirebond.protocol.model import End
 
@@ -24,7 +24,7 @@ FORMATS = {name: ROOT / "tests" / "formats" / f"{name}.yaml" for name in ("by_re
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_each_reply_is_what_was_asked_for(name: str) -> None:
-    proto = load(FORMATS[name])
+    proto = loaded(FORMATS[name])
     source = random.Random(name)
     requests = [m for m in proto.model.messages if m.reply]
     decoder = proto.decoder("mcu")
@@ -41,7 +41,7 @@ def test_each_reply_is_what_was_asked_for(name: str) -> None:
 
 
 def test_a_shared_id_means_what_nobody_asks_for_until_a_request_goes_out() -> None:
-    proto = load(FORMATS["shared_ids"])
+    proto = loaded(FORMATS["shared_ids"])
     status = proto.encode("status", code=3)
     decoder = proto.decoder("mcu")
     assert [m.name for m in decoder.feed(status)] == ["status"]
@@ -52,7 +52,7 @@ def test_a_shared_id_means_what_nobody_asks_for_until_a_request_goes_out() -> No
 
 
 def test_a_reply_that_has_begun_to_arrive_is_read_by_the_latest_request() -> None:
-    proto = load(FORMATS["by_request"])
+    proto = loaded(FORMATS["by_request"])
     frame = proto.encode("speed", speed=0.5)
     decoder = proto.decoder("mcu")
     decoder.expect("read_state")
@@ -63,7 +63,7 @@ def test_a_reply_that_has_begun_to_arrive_is_read_by_the_latest_request() -> Non
 
 
 def test_an_id_means_another_message_in_each_direction() -> None:
-    proto = load(FORMATS["shared_ids"])
+    proto = loaded(FORMATS["shared_ids"])
     frame = bytes.fromhex("5a 01 00")
     assert proto.encode("read_limits")[:3] == frame
     assert proto.encode("alive", count=7)[:2] == frame[:2]
@@ -74,7 +74,7 @@ def test_an_id_means_another_message_in_each_direction() -> None:
 
 
 def test_expect_refuses_what_is_no_request() -> None:
-    decoder = load(FORMATS["shared_ids"]).decoder("mcu")
+    decoder = loaded(FORMATS["shared_ids"]).decoder("mcu")
     with pytest.raises(UsageError, match="reboot has no `reply` in shared_ids; messages that have one: read_limits"):
         decoder.expect("reboot")
     with pytest.raises(UsageError, match="has no message 'reed'"):
@@ -83,7 +83,7 @@ def test_expect_refuses_what_is_no_request() -> None:
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_engine_generated_code_and_reference_agree(name: str, tmp_path: Path) -> None:
-    proto = load(FORMATS[name])
+    proto = loaded(FORMATS[name])
     program = build_decoder(proto.model, End.MCU)
     names = [m.name for m in proto.model.messages]
     file = tmp_path / "stream.bin"
@@ -143,7 +143,7 @@ int main() {
 
 
 def test_a_generated_receiver_is_told_what_was_asked(tmp_path: Path) -> None:
-    generate_cpp(load(FORMATS["by_request"]).model, tmp_path)
+    generate_cpp(loaded(FORMATS["by_request"]).model, tmp_path)
     (tmp_path / "asking.cpp").write_text(ASKING)
     program = tmp_path / "asking"
     compiler = os.environ.get("CXX", "g++")

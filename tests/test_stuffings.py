@@ -10,8 +10,8 @@ import pytest
 
 from tests import reference
 from tests.cost import calls
-from tests.shared import ROOT
-from wirebond import Codec, MessageError, ProtocolFileError, load
+from tests.shared import ROOT, loaded
+from wirebond import Codec, MessageError, ProtocolFileError
 from wirebond.analysis.explain.scan import scan
 from wirebond.protocol import loads
 from wirebond.protocol.model import End, Protocol
@@ -20,7 +20,7 @@ NAMES = ("modbus_ascii", "tsip", "xbee_api2", "dynamixel2")
 
 
 def format_of(name: str) -> Codec:
-    return load(ROOT / "tests" / "formats" / f"{name}.yaml")
+    return loaded(ROOT / "tests" / "formats" / f"{name}.yaml")
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -13,11 +13,11 @@ from typing import Any, cast
 
 import pytest
 from rich.console import Console
-from tests.shared import PROTOCOLS, codec
+from tests.shared import PROTOCOLS, codec, loaded
 from tests.waiting import wait_until
 
 import wirebond
-from wirebond import Codec, load
+from wirebond import Codec
 from wirebond.analysis.check.samples import pool
 from wirebond.analysis.diagnosis import Diagnosis, Kind, diagnose_dump
 from wirebond.analysis.diagnosis.live import LiveDiagnosis
@@ -36,7 +36,7 @@ NAMES = ("diffdrive", "enterprize", "native", "servo_bus", "contrib/crsf", "cont
 
 
 def described(name: str) -> Codec:
-    return load(PROTOCOLS / f"{name}.yaml")
+    return loaded(PROTOCOLS / f"{name}.yaml")
 
 
 def frames_of(of: Codec, source: random.Random, number: int) -> list[bytes]:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from tests.contrib.cases import CONTRIB, frame_of, random_case
 from tests.contrib.oracles import ORACLES
-from tests.shared import PROTOCOLS, few_or_many
+from tests.shared import PROTOCOLS, few_or_many, loaded
 
 from wirebond import load
 from wirebond.analysis.check.samples import pool
@@ -36,7 +36,7 @@ def ranked(data: bytes) -> list[Candidate]:
 
 def stream(name: str, source: random.Random, end: End | None = None, frames: int = 80, least: int = 3000) -> bytes:
     """What a device of this format and its host say, with this many bytes replaced."""
-    codec, oracle = load(CONTRIB / f"{name}.yaml"), ORACLES[name]
+    codec, oracle = loaded(CONTRIB / f"{name}.yaml"), ORACLES[name]
     out = bytearray()
     number = 0
     while number < frames or len(out) < least:
@@ -67,7 +67,7 @@ def test_a_damaged_stream_of_every_public_format_is_named(name: str, number: int
 @pytest.mark.long
 @pytest.mark.parametrize("name", sorted(ORACLES))
 def test_one_end_alone_is_enough(name: str) -> None:
-    model = load(CONTRIB / f"{name}.yaml").model
+    model = loaded(CONTRIB / f"{name}.yaml").model
     heard = 0
     for end in (End.HOST, End.MCU):
         if any(m.sent_by(end) and m.name not in ORACLES[name].lacks for m in model.messages):
@@ -79,9 +79,11 @@ def test_one_end_alone_is_enough(name: str) -> None:
 
 @pytest.mark.parametrize("path", sorted(PROTOCOLS.glob("*.yaml")), ids=lambda path: path.stem)
 def test_the_projects_own_formats_are_named(path: Path) -> None:
-    frames = [frame for end in (End.HOST, End.MCU) if (drawn := pool(load(path), end, 1, 40)) for frame in drawn.frames]
+    frames = [
+        frame for end in (End.HOST, End.MCU) if (drawn := pool(loaded(path), end, 1, 40)) for frame in drawn.frames
+    ]
     random.Random(path.stem).shuffle(frames)
-    assert says(ranked(b"".join(frames)), load(path).name)
+    assert says(ranked(b"".join(frames)), loaded(path).name)
 
 
 def test_two_files_of_one_wire_are_said_to_be_the_same(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -116,7 +118,7 @@ def test_nothing_fits_bytes_of_no_format(kind: str) -> None:
 
 def test_few_frames_with_a_strong_check_win_over_formats_without_one() -> None:
     source = random.Random("few")
-    codec, oracle = load(CONTRIB / "mavlink.yaml"), ORACLES["mavlink"]
+    codec, oracle = loaded(CONTRIB / "mavlink.yaml"), ORACLES["mavlink"]
     pieces = [source.randbytes(5000)]
     for _ in range(3):
         pieces += [frame_of(codec, oracle, *random_case(codec, oracle, source, End.MCU)), source.randbytes(5000)]
@@ -185,7 +187,7 @@ def test_wrong_arguments_get_a_sentence(
 
 
 def test_a_robot_that_stands_still_is_asked_to_move(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    frame = load(PROTOCOLS / "diffdrive.yaml").encode("odometry", left_ticks=0, right_ticks=0)
+    frame = loaded(PROTOCOLS / "diffdrive.yaml").encode("odometry", left_ticks=0, right_ticks=0)
     capture = tmp_path / "still.bin"
     capture.write_bytes(frame * 60)
     assert main(["identify", str(capture)]) == 1

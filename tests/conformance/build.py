@@ -26,7 +26,7 @@ HOST_HEADERS = sorted((core_include() / "wirebond" / "host").glob("*.hpp"))  # g
 FLAGS = ("-std=c++17", "-Wall", "-Wextra", "-Werror")
 # Without optimisation: the compiler would spend minutes on the sanitizers' checks.
 SANITIZE = ("-O0", "-g1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
-OPTIMIZE = ("-O2",)
+OPTIMISE = ("-O2",)
 QUICK = ("-O0",)  # to compile
 
 
@@ -35,7 +35,7 @@ def build_decoder(
     sender: End,
     *,
     run_time: bool = False,
-    optimize: bool = False,
+    optimise: bool = False,
     sanitize: bool = False,
     build: Path = BUILD,
 ) -> Path:
@@ -50,7 +50,7 @@ def build_decoder(
         f"-DSENDER={'FromMcu' if sender == End.MCU else 'FromHost'}",
         f"-DRUN_TIME={int(run_time)}",
     )
-    level = SANITIZE if sanitize else OPTIMIZE if optimize else QUICK
+    level = SANITIZE if sanitize else OPTIMISE if optimise else QUICK
     flags = (*FLAGS, *level, *definitions)
     kind = f"{'run_time' if run_time else 'constant'}{'_sanitized' if sanitize else ''}"
     build.mkdir(parents=True, exist_ok=True)

@@ -12,8 +12,8 @@ from tests.contrib.cases import CONTRIB, random_case
 from tests.contrib.oracles import ORACLES
 from tests.contrib.oracles.mavlink import pack
 from tests.contrib.oracles.msp import pack as pack_msp
-from tests.shared import account_closes, few_or_many
-from wirebond import Codec, Message, load
+from tests.shared import account_closes, few_or_many, loaded
+from wirebond import Codec, Message
 from wirebond.protocol.model import End
 
 DAMAGES = 3  # to each frame
@@ -40,7 +40,7 @@ def valued(message: Message, values: dict[str, Any]) -> dict[str, Any]:
 @few_or_many(100, 10_000)
 @each_format
 def test_both_write_and_read_the_same_bytes(name: str, number: int) -> None:
-    codec, oracle = load(CONTRIB / f"{name}.yaml"), ORACLES[name]
+    codec, oracle = loaded(CONTRIB / f"{name}.yaml"), ORACLES[name]
     source = random.Random(f"{name} {number}")
     compared = 0
     for _ in range(number):
@@ -60,7 +60,7 @@ def test_both_write_and_read_the_same_bytes(name: str, number: int) -> None:
 @few_or_many(100, 10_000)
 @each_format
 def test_damaged_frames_are_refused_where_the_other_side_refuses_them(name: str, number: int) -> None:
-    codec, oracle = load(CONTRIB / f"{name}.yaml"), ORACLES[name]
+    codec, oracle = loaded(CONTRIB / f"{name}.yaml"), ORACLES[name]
     source = random.Random(f"damaged {name} {number}")
     refused = 0
     for _ in range(number):
@@ -108,7 +108,7 @@ def damaged(frame: bytes, source: random.Random) -> bytes:
 
 @pytest.mark.parametrize(("version_1", "secret"), [(True, None), (False, bytes(range(32)))])
 def test_mavlink_of_version_1_and_signed_frames_are_read(version_1: bool, secret: bytes | None) -> None:
-    codec, oracle = load(CONTRIB / "mavlink.yaml"), ORACLES["mavlink"]
+    codec, oracle = loaded(CONTRIB / "mavlink.yaml"), ORACLES["mavlink"]
     source = random.Random("mavlink")
     for _ in range(300):
         case, values = random_case(codec, oracle, source)
@@ -120,13 +120,13 @@ def test_mavlink_of_version_1_and_signed_frames_are_read(version_1: bool, secret
 
 
 def test_a_dynamixel_status_has_its_error_flags_as_id() -> None:
-    codec = load(CONTRIB / "dynamixel_1.yaml")
+    codec = loaded(CONTRIB / "dynamixel_1.yaml")
     (message,) = decoded(codec, bytes.fromhex("FF FF 01 02 24 D8"), End.MCU)  # overload and overheating
     assert (message.name, message.id, message.header) == ("status", 0x24, {"servo": 1, "id": 0x24})
 
 
 def test_an_hdlc_frame_of_a_receiver_that_is_not_ready() -> None:
-    codec = load(CONTRIB / "hdlc.yaml")
+    codec = loaded(CONTRIB / "hdlc.yaml")
     frame = codec.encode("not_ready", header={"receive": 3})
     assert frame[1:3] == bytes([0xFF, 0x65])  # ISO/IEC 13239: 1 0 1 0 P/F and the number, from the lowest bit
     (message,) = decoded(codec, frame, End.MCU)
@@ -134,7 +134,7 @@ def test_an_hdlc_frame_of_a_receiver_that_is_not_ready() -> None:
 
 
 def test_msp_of_version_1_is_read_and_an_error_reply_tells_the_request() -> None:
-    codec, oracle = load(CONTRIB / "msp.yaml"), ORACLES["msp"]
+    codec, oracle = loaded(CONTRIB / "msp.yaml"), ORACLES["msp"]
     source = random.Random("msp")
     for _ in range(300):
         case, values = random_case(codec, oracle, source)

@@ -13,9 +13,9 @@ from tests.conformance.fields import difference
 from tests.conformance.formats import Answer, Chunk, Job, build_formats, decode_all
 from tests.contrib.cases import CONTRIB, frame_of, random_case
 from tests.contrib.oracles import ORACLES
-from tests.shared import few_or_many
+from tests.shared import few_or_many, loaded
 from tests.streams import chunks, hard_pieces
-from wirebond import Codec, Decoder, load
+from wirebond import Codec, Decoder
 from wirebond.protocol.model import End
 from wirebond.protocol.planning import plan_for
 
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.live
 
 NAMES = sorted(ORACLES)
 ENDS = (End.HOST, End.MCU)
-CODECS = {name: load(CONTRIB / f"{name}.yaml") for name in NAMES}
+CODECS = {name: loaded(CONTRIB / f"{name}.yaml") for name in NAMES}
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.shared import codec
+from tests.shared import codec, rover_program
 from wirebond.errors import WirebondError
-from wirebond.sim import rover
 from wirebond.sim.lockstep import LockstepFirmware
 
 pytestmark = pytest.mark.live
@@ -18,10 +17,8 @@ BYTE_S = 10 / 115200
 
 
 @pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("CXXFLAGS", "-O0 -DWIREBOND_INLINE=inline -DWIREBOND_INLINE_LAMBDA=")
-        return rover.build(tmp_path_factory.mktemp("rover"))
+def program() -> Path:
+    return rover_program()
 
 
 def velocity(linear: float) -> bytes:

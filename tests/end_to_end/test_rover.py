@@ -16,7 +16,7 @@ from statistics import median
 import pytest
 
 import wirebond
-from tests.shared import PROTOCOLS
+from tests.shared import PROTOCOLS, rover_program
 from tests.waiting import PATIENCE, let_pass, moments, rounds_for, wait_until
 from wirebond.sim import rover
 
@@ -36,8 +36,8 @@ with wirebond.open(sys.argv[1], sys.argv[2]) as link:
 
 
 @pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return rover.build(tmp_path_factory.mktemp("rover"))
+def program() -> Path:
+    return rover_program()
 
 
 @pytest.fixture

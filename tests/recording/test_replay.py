@@ -15,14 +15,13 @@ import pytest
 
 import wirebond
 from tests.recording.made import WALL_NS, drive, made
-from tests.shared import PROTOCOLS, codec
+from tests.shared import PROTOCOLS, codec, rover_program
 from tests.waiting import PATIENCE, Stopwatch, moments, wait_until
 from wirebond import recording as recordings
 from wirebond.cli.main import main
 from wirebond.errors import PortError, UsageError
 from wirebond.link.tap import Chunk, LinkEvent
 from wirebond.recording.into_firmware import RecordedFirmware, replay_into_firmware
-from wirebond.sim import rover
 from wirebond.sim.pty_port import PtyPort
 
 pytestmark = pytest.mark.live
@@ -208,10 +207,8 @@ def test_wrong_options_have_their_sentence(run: Path, tmp_path: Path, capsys: py
 
 
 @pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("CXXFLAGS", "-O0 -DWIREBOND_INLINE=inline -DWIREBOND_INLINE_LAMBDA=")
-        return rover.build(tmp_path_factory.mktemp("rover"))
+def program() -> Path:
+    return rover_program()
 
 
 def driven(path: Path, program: Path) -> Path:

@@ -20,7 +20,7 @@ from tests.ros2.domains import own_domain
 from tests.ros2.over_rclpy import rclpy_environment
 from tests.ros2.peer import Peer, message
 from tests.ros2.test_rover import Served, diagnosed, is_driving, said
-from tests.shared import PROTOCOLS, ROOT
+from tests.shared import PROTOCOLS, ROOT, rover_program
 from tests.waiting import PATIENCE
 from wirebond.ros2.dds import LOOPBACK
 from wirebond.server import Server
@@ -41,8 +41,8 @@ def domain(monkeypatch: pytest.MonkeyPatch) -> int:
 
 
 @pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return rover.build(tmp_path_factory.mktemp("rover"))
+def program() -> Path:
+    return rover_program()
 
 
 @contextmanager

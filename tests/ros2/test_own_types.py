@@ -11,10 +11,10 @@ import pytest
 from tests.ros2.fake_node import FakeNode
 from tests.ros2.test_bridge import Bench
 from tests.ros2.test_mapping import ROVER, STAMP, read
-from tests.shared import PROTOCOLS, ROOT
+from tests.shared import PROTOCOLS, ROOT, loaded
 from tests.streams import random_values
 from wirebond import Codec, MessageError, _engine
-from wirebond.codec import Message, load
+from wirebond.codec import Message
 from wirebond.errors import ProtocolFileError
 from wirebond.generate.code.ros2_types import interfaces
 from wirebond.protocol import loads
@@ -42,7 +42,7 @@ def received(codec: Codec, name: str, values: dict[str, Any]) -> Message | None:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_every_value_arrives_in_both_directions(path: Path) -> None:
-    codec, source = load(path), random.Random(path.stem)
+    codec, source = loaded(path), random.Random(path.stem)
     own, compared = OwnTypes(codec.model), 0
     for model in codec.model.messages:
         tree, type_ = own.tree(model.name), own.of(model.name)
@@ -66,7 +66,7 @@ def test_every_value_arrives_in_both_directions(path: Path) -> None:
 
 
 def test_bytes_are_those_of_rosbags_and_the_hash_is_that_of_ros() -> None:
-    own, codec = OwnTypes(ROVER), load(PROTOCOLS / "diffdrive.yaml")
+    own, codec = OwnTypes(ROVER), loaded(PROTOCOLS / "diffdrive.yaml")
     message = received(codec, "status", {"battery": 12.5, "errors": ["encoder", 0x80], "state": ["charging"]})
     assert message is not None
     plan = own.tree("status").plan("status")
@@ -108,7 +108,7 @@ def test_numbers_without_a_name_come_as_numbers() -> None:
 
 
 def test_a_frames_own_fields_come_along() -> None:
-    codec = load(PROTOCOLS / "servo_bus.yaml")
+    codec = loaded(PROTOCOLS / "servo_bus.yaml")
     name = next(m.name for m in codec.model.messages if m.sent_by(End.MCU))
     tree = OwnTypes(codec.model).tree(name)
     frame = tree.type.field("frame_header")

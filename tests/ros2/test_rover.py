@@ -24,7 +24,7 @@ import pytest
 from tests.ros2.domains import own_domain
 from tests.ros2.over_rclpy import rclpy_environment
 from tests.ros2.peer import Calls, Peer, message, twist
-from tests.shared import PROTOCOLS
+from tests.shared import PROTOCOLS, rover_program
 from tests.waiting import PATIENCE, Stopwatch, let_pass, rounds_for
 from wirebond.generate.code.ros2 import ros2_files
 from wirebond.protocol import load
@@ -121,8 +121,8 @@ def domain() -> Iterator[int]:
 
 
 @pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return rover.build(tmp_path_factory.mktemp("rover"))
+def program() -> Path:
+    return rover_program()
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from tests.shared import loaded
+
 from wirebond.analysis.check import Finding
-from wirebond.codec import Codec, load
+from wirebond.codec import Codec
 from wirebond.protocol import loads
 
 PROTOCOLS = Path(__file__).parents[3] / "protocols"
@@ -14,7 +16,7 @@ DEFAULT_MESSAGES = "{state: {id: 1, sender: mcu, fields: {x: {type: i16}}}}"
 
 
 def shipped(name: str) -> Codec:
-    return load(PROTOCOLS / f"{name}.yaml")
+    return loaded(PROTOCOLS / f"{name}.yaml")
 
 
 def made(

@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from tests.shared import loaded
 
 from wirebond.analysis.check import check_strength, cut_frames, holdback, line_budget, noise, stuffing
 from wirebond.analysis.check.damage import decode_blocks
 from wirebond.analysis.check.frame_facts import senders, wire_bytes
 from wirebond.analysis.check.places import Places
 from wirebond.analysis.check.samples import asked, pool
-from wirebond.codec import Codec, load
+from wirebond.codec import Codec
 
 FORMATS = Path(__file__).parents[3] / "tests" / "formats"
 NAMES = sorted(path.stem for path in FORMATS.glob("*.yaml"))
@@ -19,7 +20,7 @@ SAMPLES = 4000
 
 
 def format_of(name: str) -> Codec:
-    return load(FORMATS / f"{name}.yaml")
+    return loaded(FORMATS / f"{name}.yaml")
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -6,9 +6,10 @@ import re
 from pathlib import Path
 
 import pytest
+from tests.shared import loaded
 
 from wirebond.analysis.check import Finding, Severity, lint
-from wirebond.codec import Codec, load
+from wirebond.codec import Codec
 from wirebond.protocol import loads, protocol_hash
 
 CONTRIB = sorted((Path(__file__).parents[3] / "protocols" / "contrib").glob("*.yaml"))
@@ -74,7 +75,7 @@ def test_it_changes_no_byte() -> None:
     [pytest.param(path, id=path.stem, marks=[pytest.mark.long] if n % 4 else []) for n, path in enumerate(CONTRIB)],
 )
 def test_no_public_format_is_asked_to_change(path: Path) -> None:
-    codec = load(path)
+    codec = loaded(path)
     if codec.model.fixed is None:
         pytest.skip("a format for devices of one's own")
     assert not [finding for finding in lint(codec).findings if NOT_OURS.search(finding.remedy)]

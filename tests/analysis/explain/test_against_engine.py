@@ -14,12 +14,13 @@ from tests.shared import (
     accepted_vectors,
     codec,
     few_or_many,
+    loaded,
     needs_sender,
     rejected_vectors,
 )
 from tests.streams import hard_stream, random_frame, random_values
 
-from wirebond import Codec, Message, load
+from wirebond import Codec, Message
 from wirebond.analysis.explain import Kind, explain, values
 from wirebond.analysis.explain.layout import check_value, spans
 from wirebond.analysis.explain.scan import scan
@@ -56,7 +57,7 @@ def any_sender(proto: Codec) -> End | None:
 @pytest.mark.parametrize("sender", [None, End.HOST, End.MCU])
 @pytest.mark.parametrize("name", sorted(FORMATS))
 def test_frames_and_causes_agree_on_hard_streams(name: str, sender: End | None, number: int) -> None:
-    proto = load(FORMATS[name])
+    proto = loaded(FORMATS[name])
     if not any(message.sent_by(sender) for message in proto.model.messages):
         return  # this end never speaks
     if sender is None and any_sender(proto) is not None:
@@ -122,7 +123,7 @@ def test_counts_tell_the_size_of_a_stuffed_frame(stuffing: str, number: int) -> 
 @pytest.mark.parametrize("name", sorted(FORMATS))
 def test_random_bytes_are_examined_alike(name: str, number: int) -> None:
     """Bytes of few values, so that starts, lengths and delimiters occur."""
-    proto = load(FORMATS[name])
+    proto = loaded(FORMATS[name])
     source = random.Random(name)
     first = random_frame(proto, source)
     for _ in range(number):
@@ -137,7 +138,7 @@ def test_random_bytes_are_examined_alike(name: str, number: int) -> None:
 @few_or_many(1, 12)
 @pytest.mark.parametrize("name", sorted(FORMATS))
 def test_every_byte_lies_in_one_stretch_and_frames_carry_the_decoders_values(name: str, number: int) -> None:
-    proto = load(FORMATS[name])
+    proto = loaded(FORMATS[name])
     pieces = 6 if proto.model.format.max_payload < 256 else 2  # every byte of a frame is a row or more
     for seed in range(number):
         stream = stream_for(proto, random.Random(f"{name} {seed}"), pieces)
@@ -156,7 +157,7 @@ def test_every_byte_lies_in_one_stretch_and_frames_carry_the_decoders_values(nam
 @pytest.mark.parametrize("path", VALUES, ids=lambda path: path.stem)
 def test_values_and_broken_field_rules_are_the_engines(path: Path) -> None:
     """Random payloads: values beyond every range, numbers without a name, NaN, text that is no UTF-8, wrong counts."""
-    proto = load(path)
+    proto = loaded(path)
     source = random.Random(path.stem)
     for message in proto.model.messages:
         for _ in range(100):
@@ -232,7 +233,7 @@ def test_the_pid_frame_is_explained_by_the_listing() -> None:
 @pytest.mark.parametrize("name", sorted(FORMATS))
 def test_every_byte_of_any_frame_has_a_name(name: str, number: int) -> None:
     """And stuffing done in Python gives the engine's bytes again."""
-    proto = load(FORMATS[name])
+    proto = loaded(FORMATS[name])
     frame_format = proto.model.format
     source = random.Random(name)
     for _ in range(number):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from markdown_it import MarkdownIt
+from tests.shared import loaded
 
 import wirebond
 from wirebond.codec import Codec
@@ -26,7 +27,7 @@ def test_the_same_file_gives_the_same_text(path: Path) -> None:
 
 @BY_NAME
 def test_every_message_field_and_part_is_in_it(path: Path) -> None:
-    codec = wirebond.load(path)
+    codec = loaded(path)
     text = markdown(codec)
     for message in codec.model.messages:
         assert f"### Message {message.name}\n" in text
@@ -73,7 +74,7 @@ def test_a_stop_of_several_messages_is_a_list_in_its_order() -> None:
 
 @BY_NAME
 def test_its_frames_are_what_the_decoder_reads(path: Path) -> None:
-    codec = wirebond.load(path)
+    codec = loaded(path)
     sections = re.split(r"\n### Message ", markdown(codec))[1:]
     assert len(sections) == len(codec.model.messages)
     for section, message in zip(sections, codec.model.messages, strict=True):
@@ -90,7 +91,7 @@ def test_its_frames_are_what_the_decoder_reads(path: Path) -> None:
 
 @BY_NAME
 def test_it_is_markdown_with_sound_tables_and_links(path: Path) -> None:
-    text = markdown(wirebond.load(path))
+    text = markdown(loaded(path))
     tokens = MarkdownIt("commonmark").enable("table").parse(text)
     tables = sum(token.type == "table_open" for token in tokens)
     written = sum(bool(re.fullmatch(r"\|( -+:? \|)+", line)) for line in text.splitlines())
@@ -106,7 +107,7 @@ def test_it_is_markdown_with_sound_tables_and_links(path: Path) -> None:
 
 
 def test_the_files_own_examples_come_as_they_are() -> None:
-    text = markdown(wirebond.load(ROOT / "protocols" / "diffdrive.yaml"))
+    text = markdown(loaded(ROOT / "protocols" / "diffdrive.yaml"))
     assert "Example, linear = 0.3, angular = 0.5:\n\n```text\nAA 55 01 2C 01 F4 01 00 00 26 0D\n```" in text
 
 

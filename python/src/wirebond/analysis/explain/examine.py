@@ -348,7 +348,7 @@ class _Examination:
         holds = 0 <= size <= most
         self._rule(Question.LENGTH, index, holds, expected, str(number), Cause.LENGTH_OUT_OF_RANGE, prefix)
         if self.protocol.format.length_on_wire and self.block is not None:  # known now that nothing is stuffed any more
-            size, most = have - outside, self.protocol.format.max_payload
+            size, most = have - outside, self.protocol.format.max_payload_from(self.sender)
             expected, found = f"{outside} to {outside + most} bytes", f"{have} bytes"
             self._rule(Question.SIZE, None, 0 <= size <= most, expected, found, Cause.LENGTH_OUT_OF_RANGE, have)
         return size
