@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Generic, TypeVar
 
 from wirebond.analysis.explain.constants import constants_of
 from wirebond.analysis.explain.counted import bound_by_counts
@@ -17,10 +16,8 @@ from wirebond.analysis.explain.layout import (
     counted_beside_payload,
     fixed_bits,
     hex_of,
-    id_index,
     id_text,
     length_index,
-    payload_index,
     read_number,
     run_value,
     same_check,
@@ -28,6 +25,7 @@ from wirebond.analysis.explain.layout import (
     shown_check,
     spans,
 )
+from wirebond.analysis.explain.shapes import Heard, Shape, shapes_of
 from wirebond.analysis.explain.sharing import found_text, sharing, wanted_text
 from wirebond.analysis.explain.verdict import Cause, Outcome, Question, Rule, Verdict
 from wirebond.protocol.matching import Told
@@ -37,7 +35,6 @@ from wirebond.protocol.model import (
     End,
     Field,
     FieldKind,
-    FrameFormat,
     Message,
     Part,
     PartKind,
@@ -45,42 +42,14 @@ from wirebond.protocol.model import (
     Protocol,
     Subject,
 )
-from wirebond.protocol.model.forms import FormParts, header_of, parts_of_forms
+from wirebond.protocol.model.forms import header_of
 from wirebond.protocol.payload_rules import bit_places
-from wirebond.protocol.planning import matches_late, told_by_request
+from wirebond.protocol.planning import told_by_request
 from wirebond.protocol.spelling import choices_text
 
-T = TypeVar("T")
-
-
-class _Heard(Generic[T]):
-    """A part of a protocol and the sender that is listened to, as a key that compares by identity: protocols are long
-    to compare."""
-
-    __slots__ = ("of", "sender")
-
-    def __init__(self, of: T, sender: End | None) -> None:
-        self.of, self.sender = of, sender
-
-    def __hash__(self) -> int:
-        return hash((id(self.of), self.sender))
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Heard) and other.of is self.of and other.sender == self.sender
-
 
 @lru_cache(maxsize=256)
-def _forms(key: _Heard[FrameFormat]) -> list[FormParts]:
-    return parts_of_forms(key.of.parts, key.sender)
-
-
-def forms(protocol: Protocol, sender: End | None) -> list[FormParts]:
-    """The forms that a frame can have, by magic and by the header's bits; most formats have one."""
-    return _forms(_Heard(protocol.format, sender))
-
-
-@lru_cache(maxsize=256)
-def _meant(key: _Heard[tuple[Message, ...]]) -> list[Message]:
+def _meant(key: Heard[tuple[Message, ...]]) -> list[Message]:
     """Of messages that share an id, those that only a request tells are not meant: no request is known here."""
     dependent = told_by_request(key.of, key.sender)
     return [m for m in key.of if m.sent_by(key.sender) and m.name not in dependent]
@@ -94,8 +63,8 @@ def examine(protocol: Protocol, data: bytes, sender: End | None, *, block: bytes
     at most one frame for each form.
     """
     best: Verdict | None = None
-    for form in forms(protocol, sender):
-        found = _Examination(protocol, form, data, sender, block).run()
+    for shape in shapes_of(protocol, sender):
+        found = _Examination(protocol, shape, data, sender, block).run()
         if found.is_frame:
             return found
         if best is None or _is_nearer(found, best):
@@ -113,10 +82,6 @@ def _is_nearer(found: Verdict, best: Verdict) -> bool:
     return not best_waits and nearness > (best.extent, best.cause != Cause.CONSTANT_MISMATCH)
 
 
-def _outside(parts: tuple[Part, ...]) -> int:
-    return sum(part.size for part in parts)
-
-
 class _Decided(Exception):  # noqa: N818  (an outcome, not an error)
     def __init__(self, outcome: Outcome, cause: Cause, size: int) -> None:
         self.outcome, self.cause, self.size = outcome, cause, size
@@ -125,7 +90,7 @@ class _Decided(Exception):  # noqa: N818  (an outcome, not an error)
 @dataclass
 class _Examination:
     protocol: Protocol
-    form: FormParts
+    shape: Shape
     data: bytes
     sender: End | None
     block: bytes | None
@@ -137,7 +102,7 @@ class _Examination:
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        return self.form.parts
+        return self.shape.form.parts
 
     def run(self) -> Verdict:
         try:
@@ -157,29 +122,22 @@ class _Examination:
 
     def _go_through(self) -> int:
         """The frame's size, or _Decided."""
-        parts = self.parts
-        at = payload_index(parts)
-        before = spans(parts[:at], 0)
-        prefix = before[-1][1] if before else 0
+        parts, shape = self.parts, self.shape
+        at, before, prefix, early_id = shape.payload_at, shape.before, shape.prefix, shape.tells_id_early
         self._constants_and_choices(before)
         self._need(prefix)
-        where = id_index(parts)
-        # Without an id the one message there is says how long a payload is that has its message's size.
-        sent = tuple(m for m in self.protocol.messages if m.sent_by(self.sender))
-        is_late = matches_late(sent, self.protocol.format.parts)
-        early_id = (where < at if where is not None else parts[at].payload == PayloadRule.BY_ID) and not is_late
         if early_id:
             self._read_id(before, 0)
         size = self._payload_size(prefix)
         if early_id and parts[at].payload != PayloadRule.BY_ID:
             self._read_id(before, size)
         self.payload = prefix, prefix + size
-        knows_size = early_id or (where is None and not is_late) or not parts[at].trims_zeros
+        knows_size = early_id or (shape.id_at is None and not shape.tells_late) or not parts[at].trims_zeros
         if knows_size:
             self._size_choices(size, prefix)
         if early_id and (self.block is not None or not self.protocol.format.length_on_wire):
             self._message_fits(size, prefix)
-        for index in self._checks(header=True):
+        for index in shape.header_checks:
             self._check(index, before, Cause.HEADER_CHECK_MISMATCH, prefix)
 
         places = spans(parts, size)
@@ -194,7 +152,7 @@ class _Examination:
             self._message_fits(size, total)
         self._counts_allow(prefix, size, total)
         self._field_constants(prefix, size, total)
-        for index in self._checks(header=False):
+        for index in shape.checks:
             self._check(index, places, Cause.CHECK_MISMATCH, total)
         return total
 
@@ -226,7 +184,7 @@ class _Examination:
             if decided.cause == Cause.CONSTANT_MISMATCH:
                 raise
             missing = decided
-        for choice in self.form.choices:
+        for choice in self.shape.form.choices:
             if choice.subject == Subject.SIZE or choice.fixed_bits is not None:
                 continue
             index = next(i for i, part in enumerate(self.parts) if shift_of(part, choice) is not None)
@@ -246,12 +204,12 @@ class _Examination:
 
     def _size_choices(self, size: int, extent: int) -> None:
         """Conditions on the payload's size; where the frame's end is found otherwise they only choose what is sent."""
-        payload = self.parts[payload_index(self.parts)]
+        payload = self.parts[self.shape.payload_at]
         if payload.payload == PayloadRule.REST:
             return
         if payload.trims_zeros and self.message is not None:
             size = max(size, self.message.min_payload)
-        for choice in self.form.choices:
+        for choice in self.shape.form.choices:
             if choice.subject == Subject.SIZE:
                 expected, found = choices_text((choice,)), str(size)
                 holds = choice.holds(size)
@@ -259,35 +217,32 @@ class _Examination:
 
     def _constant(self, index: int, start: int, extent: int) -> None:
         """Bytes, or bits, that cannot vary: each as soon as its byte is there."""
-        part = self.parts[index]
-        mask, value = fixed_bits(part, self.form.choices)
-        if part.kind in CONSTANTS:
-            wanted, masks = part.value, b"\xff" * part.size
-        elif mask:
-            order = "big" if part.order == ByteOrder.BIG else "little"
-            wanted, masks = (n.to_bytes(part.size, "big" if order == "big" else "little") for n in (value, mask))
-        else:
+        constant = self.shape.constants[index]
+        if constant is None:
             return
+        part = self.parts[index]
+        wanted, masks = constant
         found = self.data[start : start + part.size]
         for place, (byte, bits) in enumerate(zip(wanted, masks, strict=True)):
             if bits and place >= len(found):
                 self._need(start + place + 1)
             if bits and found[place] & bits != byte:
-                expected, got = self._constant_texts(part, mask, value, found)
+                expected, got = self._constant_texts(part, found)
                 self._rule(Question.CONSTANT, index, False, expected, got, Cause.CONSTANT_MISMATCH, extent)
-        expected, got = self._constant_texts(part, mask, value, found)
+        expected, got = self._constant_texts(part, found)
         self.rules.append(Rule(Question.CONSTANT, index, True, expected, got))
 
-    def _constant_texts(self, part: Part, mask: int, value: int, found: bytes) -> tuple[str, str]:
+    def _constant_texts(self, part: Part, found: bytes) -> tuple[str, str]:
         if part.kind in CONSTANTS:
             return hex_of(part.value), hex_of(found)
+        mask, value = fixed_bits(part, self.shape.form.choices)
         digits = 2 * part.size
         number = read_number(part, found)
         return f"0x{value:0{digits}X} in the bits 0x{mask:0{digits}X}", f"0x{number & mask:0{digits}X}"
 
     def _read_id(self, places: list[tuple[int, int]], size: int, payload: bytes = b"") -> None:
         """And what message it is, with what else tells that: ``size`` and ``payload``, as far as they are known."""
-        index = id_index(self.parts)
+        index = self.shape.id_at
         self.id = 0
         if index is not None:
             part = self.parts[index]
@@ -298,9 +253,9 @@ class _Examination:
             self._header_numbers(places),
             size,
             payload,
-            self.parts[payload_index(self.parts)].trims_zeros,
+            self.parts[self.shape.payload_at].trims_zeros,
         )
-        meant = _meant(_Heard(self.protocol.messages, self.sender))
+        meant = _meant(Heard(self.protocol.messages, self.sender))
         self.told = told
         self.message = next((m for m in meant if told.is_of(m)), None)
 
@@ -318,9 +273,9 @@ class _Examination:
 
     def _payload_size(self, prefix: int) -> int:
         parts = self.parts
-        payload = parts[payload_index(parts)]
+        payload = parts[self.shape.payload_at]
         most = self.protocol.format.max_payload_from(self.sender)
-        outside = sum(part.size for part in parts)
+        outside = self.shape.outside
         have = len(self.data)
         if payload.payload == PayloadRule.FIXED:
             return payload.fixed_payload
@@ -344,7 +299,8 @@ class _Examination:
         size = number * part.length_unit - beside
         expected = f"{max(0, beside)} to {(most + beside) // part.length_unit}"
         if self.protocol.format.length_on_wire:  # it counts what stuffing adds, too
-            most += self.protocol.format.overhead(most + max(_outside(form.parts) for form in self._all_forms()))
+            longest = max(shape.outside for shape in shapes_of(self.protocol, self.sender))
+            most += self.protocol.format.overhead(most + longest)
         holds = 0 <= size <= most
         self._rule(Question.LENGTH, index, holds, expected, str(number), Cause.LENGTH_OUT_OF_RANGE, prefix)
         if self.protocol.format.length_on_wire and self.block is not None:  # known now that nothing is stuffed any more
@@ -352,9 +308,6 @@ class _Examination:
             expected, found = f"{outside} to {outside + most} bytes", f"{have} bytes"
             self._rule(Question.SIZE, None, 0 <= size <= most, expected, found, Cause.LENGTH_OUT_OF_RANGE, have)
         return size
-
-    def _all_forms(self) -> list[FormParts]:
-        return forms(self.protocol, self.sender)
 
     def _counted_size(self, message: Message, prefix: int) -> int:
         """The message's own size, or what its counts tell."""
@@ -388,7 +341,7 @@ class _Examination:
             elif number <= most and amount is not None:
                 expected = f"{name} {amount * step}"
             holds = number <= most and number % step == 0 and amount in (None, number // step)
-            where = payload_index(self.parts)
+            where = self.shape.payload_at
             self._rule(Question.LENGTH, where, holds, expected, str(number), Cause.LENGTH_OUT_OF_RANGE, prefix)
             amount = number // step
         return size * (amount or 0)
@@ -405,7 +358,7 @@ class _Examination:
         return number
 
     def _known_message(self, extent: int) -> None:
-        index = id_index(self.parts)
+        index = self.shape.id_at
         found = id_text(self.parts, self.id or 0) if index is not None else "no id"
         expected = "the id of a known message" if index is not None else "a message without an id"
         near = [] if self.message is not None or self.told is None else self._sharing()
@@ -417,13 +370,13 @@ class _Examination:
         self._rule(Question.MESSAGE, index, self.message is not None, expected, found, Cause.UNKNOWN_MESSAGE, extent)
 
     def _sharing(self) -> list[Message]:
-        return sharing(self.protocol, self.sender, self.id if id_index(self.parts) is not None else None)
+        return sharing(self.protocol, self.sender, self.id if self.shape.id_at is not None else None)
 
     def _message_fits(self, size: int, extent: int) -> None:
         frame_format = self.protocol.format
         if frame_format.deliver_unknown:
             return
-        payload = self.parts[payload_index(self.parts)]
+        payload = self.parts[self.shape.payload_at]
         if payload.payload != PayloadRule.BY_ID:  # there it was asked before, to know the payload's size
             self._known_message(extent)
         message = self.message
@@ -433,31 +386,29 @@ class _Examination:
             fits = least <= size <= message.max_payload
             most = f" to {message.max_payload}" if message.max_payload != least else ""
             expected = f"{least}{most} payload bytes for {message.name}"
-            self._rule(Question.MESSAGE, id_index(self.parts), fits, expected, str(size), Cause.UNKNOWN_MESSAGE, extent)
+            self._rule(Question.MESSAGE, self.shape.id_at, fits, expected, str(size), Cause.UNKNOWN_MESSAGE, extent)
 
     def _counts_allow(self, start: int, size: int, extent: int) -> None:
         """A payload that is longer than the counts in it tell is refused where unknown sizes are."""
         if self.protocol.format.deliver_unknown or self.message is None:
             return
-        if self.parts[payload_index(self.parts)].payload not in (PayloadRule.BY_LENGTH, PayloadRule.REST):
+        if self.parts[self.shape.payload_at].payload not in (PayloadRule.BY_LENGTH, PayloadRule.REST):
             return
         bound = bound_by_counts(self.message, self.data[start : start + size])
         if bound is not None:
             expected = f"{bound.text} for {self.message.name}"
             holds = size <= bound.most
-            self._rule(
-                Question.MESSAGE, id_index(self.parts), holds, expected, str(size), Cause.UNKNOWN_MESSAGE, extent
-            )
+            self._rule(Question.MESSAGE, self.shape.id_at, holds, expected, str(size), Cause.UNKNOWN_MESSAGE, extent)
 
     def _field_constants(self, start: int, size: int, extent: int) -> None:
         """Those of a message whose payload is long enough; a shorter one is of an unknown message."""
         message = self.message
-        trims = self.parts[payload_index(self.parts)].trims_zeros
+        trims = self.parts[self.shape.payload_at].trims_zeros
         if message is None or (size < message.min_payload and not trims):
             return
         payload = self.data[start : start + size]
         for found in constants_of(message, payload.ljust(message.min_payload, b"\0") if trims else payload):
-            where = payload_index(self.parts)
+            where = self.shape.payload_at
             expected, text = f"{found.path} {found.expected}", found.text
             self._rule(Question.FIELD, where, found.holds, expected, text, Cause.CONSTANT_MISMATCH, extent)
 
@@ -468,14 +419,6 @@ class _Examination:
             self._rule(Question.SIZE, None, have == total, expected, found, Cause.LENGTH_OUT_OF_RANGE, have)
         else:
             self._need(total)
-
-    def _checks(self, *, header: bool) -> list[int]:
-        at = payload_index(self.parts)
-        return [
-            index
-            for index, part in enumerate(self.parts)
-            if part.kind == PartKind.CHECK and (index < at and part.last < at) == header
-        ]
 
     def _check(self, index: int, places: list[tuple[int, int]], cause: Cause, extent: int) -> None:
         part = self.parts[index]

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from wirebond.analysis.explain.examine import forms
 from wirebond.analysis.explain.guesses.guess import Case, constants_as_found, look
 from wirebond.analysis.explain.layout import id_index, id_text
 from wirebond.analysis.explain.nearest import Search, join, repaired, search, search_sender, search_unstuffed
@@ -15,6 +14,7 @@ from wirebond.analysis.explain.parts import check_text, header_values, sent_by
 from wirebond.analysis.explain.report import Applied, Explanation, FittingGuess, Kind, Row, State, Stretch
 from wirebond.analysis.explain.rows import rows_of
 from wirebond.analysis.explain.scan import Candidate, Found, Scan, scan, start_bytes
+from wirebond.analysis.explain.shapes import forms
 from wirebond.analysis.explain.sharing import sharing, wanted_text
 from wirebond.analysis.explain.stuffing import Unstuffed, plain
 from wirebond.analysis.explain.values import faults_of, read_fields, values_of, values_text

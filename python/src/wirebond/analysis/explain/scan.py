@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field, replace
 
-from wirebond.analysis.explain.examine import examine, forms
+from wirebond.analysis.explain.examine import examine
 from wirebond.analysis.explain.layout import CONSTANTS, fixed_bits, hex_of, payload_index
+from wirebond.analysis.explain.shapes import forms
 from wirebond.analysis.explain.sized import examine_sized
 from wirebond.analysis.explain.stuffing import Impossible, Unstuffed, plain, unstuff
 from wirebond.analysis.explain.verdict import Cause, Outcome, Verdict

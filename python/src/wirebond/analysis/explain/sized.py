@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from wirebond.analysis.explain.examine import examine, forms
+from wirebond.analysis.explain.examine import examine
 from wirebond.analysis.explain.layout import payload_index
+from wirebond.analysis.explain.shapes import forms
 from wirebond.analysis.explain.stuffing import Unstuffed, plain_sizes
 from wirebond.analysis.explain.verdict import Cause, Outcome, Verdict
 from wirebond.protocol.model import End, FrameFormat, Protocol, Stuffing

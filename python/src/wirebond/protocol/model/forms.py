@@ -276,6 +276,7 @@ def can_be(choices: tuple[Choice, ...], width: int) -> bool:
     return some_value(mine, width) is not None
 
 
+@lru_cache(maxsize=4096)
 def some_value(choices: tuple[Choice, ...], width: int, prefer: int = 0) -> int | None:
     """A number of this many bits for which all of these choices hold, with bits of ``prefer`` where possible."""
     seen: set[tuple[int, ...]] = set()
