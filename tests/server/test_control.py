@@ -195,6 +195,7 @@ class Raw:
         self._splitter = words.Splitter(words.MOST_TO_CLIENT)
         self.tick = 0
         self.number = 0
+        self.controls: list[bool] = []  # of each word of the server about who is in control: is it this client?
         self.ask(words.Attach(messages="none"))
 
     def write(self, request: words._Request) -> None:
@@ -213,6 +214,7 @@ class Raw:
             for _, body in self._splitter.feed(self._socket.recv(1 << 16)):
                 said = json.loads(body)
                 self.tick = said.get("tick", self.tick)
+                self.controls += [said["yours"]] if said.get("event") == "control" else []
                 if said.get("re") == self.number:
                     return said
 
@@ -228,6 +230,13 @@ def raw(served: Served) -> Iterator[Raw]:
     client = Raw(served)
     yield client
     client.close()
+
+
+def test_a_client_that_takes_the_control_that_it_has_is_told_that_it_has_it(raw: Raw) -> None:
+    """A page that heard nothing for a second does not count on its control any more, and asks for it again."""
+    for times in (1, 2):
+        wait_until(lambda: "ok" in raw.ask(words.Take(tick=raw.tick)))
+        assert raw.controls[-times:] == [True] * times
 
 
 @pytest.mark.usefixtures("real_ages")

@@ -185,9 +185,8 @@ class Commands:
 
     def _take(self, client: Client, over: bool | str) -> dict[str, Any]:
         server, now = self._server, time.monotonic()
-        if server.book.holder == client.number:
-            return _OK
-        if server.book.holder is not None and over in (True, server.book.name):
+        # A client that has control is told so again: one that heard nothing for a while does not count on it any more.
+        if server.book.holder not in (None, client.number) and over in (True, server.book.name):
             server.end_control("taken over")
         refused = server.book.take(client.number, over, now)
         if refused is not None:
