@@ -7,12 +7,13 @@ import re
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
 import wirebond
-from tests.console.browser import Desk, desk, shows_the_robot, take_control
+from tests.console.browser import Desk, desk, shows_the_robot, take_control, with_told
 from tests.waiting import PATIENCE, let_pass, moments, wait_until
 from wirebond.link.attached import words
 from wirebond.seldom import EVERY
@@ -244,6 +245,24 @@ def test_the_stop_of_another_program_is_released_by_a_second_press_that_names_it
     expect(page.locator("footer").get_by_text(told[locale])).to_be_visible()
     assert done.error == ""
     wait_until(lambda: f"{done.name} released the emergency stop by {name}" in caplog.text, lambda: caplog.text)
+
+
+def test_the_question_stays_where_the_page_hears_only_later_who_stopped(rover: Desk) -> None:
+    page = rover.page("control")
+    withheld: dict[str, Any] = {"stopped_by": None}
+    with_told(page, "link", withheld)
+    shows_the_robot(page)
+    with wirebond.open(f"wirebond://{rover.server.path}") as pad:
+        pad.emergency_stop()
+        banner, name = page.get_by_role("alert"), rover.server.stopped_by or ""
+        banner.get_by_role("button", name="Release the stop").click()
+        sure = banner.get_by_role("button", name="Yes, release the stop by")
+        expect(sure).to_contain_text(name)
+        withheld.clear()
+        expect(banner.locator("span")).to_contain_text(name)
+        sure.click()
+        expect(banner).to_have_count(0)
+    assert not rover.link.stopped
 
 
 def test_a_program_that_asks_in_a_loop_loses_to_the_person_who_released(rover: Desk) -> None:
