@@ -21,6 +21,7 @@ from wirebond.sim import rover
 ROOT = Path(__file__).resolve().parents[1]
 PROTOCOLS = ROOT / "protocols"
 VECTORS = ROOT / "tests" / "vectors"
+QUICK_CXXFLAGS = "-O0 -DWIREBOND_INLINE=inline -DWIREBOND_INLINE_LAMBDA="  # programs compile quickly, and run slowly
 
 
 def few_or_many(few: int, many: int) -> pytest.MarkDecorator:
@@ -81,12 +82,12 @@ def codec_without_latest(name: str) -> wirebond.Codec:
 
 
 def rover_program() -> Path:
-    """The rover's firmware for this machine, compiled once for all tests, and quickly: without optimisation."""
+    """The rover's firmware for this machine, compiled once for all tests, without optimisation."""
     folder = ROOT / "build" / "rover"
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / "lock").open("w") as lock, pytest.MonkeyPatch.context() as patch:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        patch.setenv("CXXFLAGS", "-O0 -DWIREBOND_INLINE=inline -DWIREBOND_INLINE_LAMBDA=")
+        patch.setenv("CXXFLAGS", QUICK_CXXFLAGS)
         return rover.build(folder)
 
 

@@ -462,7 +462,7 @@ def test_square_driven_by_topic_has_the_pose_of_the_body(driving: Peer, robot: r
     """Odometry has the ticks since the one before, so that the pose is wrong by what a stall of the machine loses."""
 
     def drives_a_square() -> bool:
-        """As far as it should, and the pose that is told is that of the body within 1 % of the path and 1 degree."""
+        """True if it turned all the way round, and odometry and body agree to 1 % of the path and 1 degree."""
         first, body = stand_still(driving).pose.pose, pose_of_body(robot)
         path = 0.0
         for _ in range(4):

@@ -233,7 +233,7 @@ def raw(served: Served) -> Iterator[Raw]:
 
 
 def test_a_client_that_takes_the_control_that_it_has_is_told_that_it_has_it(raw: Raw) -> None:
-    """A page that heard nothing for a second does not count on its control any more, and asks for it again."""
+    """A page that was cut off for a second assumes that its control ended, and asks for it again."""
     for times in (1, 2):
         wait_until(lambda: "ok" in raw.ask(words.Take(tick=raw.tick)))
         assert raw.controls[-times:] == [True] * times

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from tests.shared import QUICK_CXXFLAGS
 
 
 @pytest.fixture(scope="session")
@@ -16,4 +17,4 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def _compiled_once(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """And quickly: it runs three times as long, which is no time."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(cache))
-    monkeypatch.setenv("CXXFLAGS", "-O0 -DWIREBOND_INLINE=inline -DWIREBOND_INLINE_LAMBDA=")
+    monkeypatch.setenv("CXXFLAGS", QUICK_CXXFLAGS)

@@ -185,7 +185,7 @@ class Commands:
 
     def _take(self, client: Client, over: bool | str) -> dict[str, Any]:
         server, now = self._server, time.monotonic()
-        # A client that has control is told so again: one that heard nothing for a while does not count on it any more.
+        # The holder gets the event again: a page that was cut off for a second has assumed that its control ended.
         if server.book.holder not in (None, client.number) and over in (True, server.book.name):
             server.end_control("taken over")
         refused = server.book.take(client.number, over, now)
