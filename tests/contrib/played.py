@@ -64,6 +64,21 @@ def played(protocol: str, answers: Mapping[str, Answer] | None = None, **options
         assert (discarded, link.stats.handler_errors, received.unlisted) == ({}, 0, {})
 
 
+def asked_until(ask: Callable[[], _Result | None], expected: _Result) -> None:
+    """Ask until this is the result. Where the answer to one request comes after the library has asked again, most
+    libraries take it for the answer to the next one."""
+
+    def result() -> bool | None:
+        seen.append(ask())
+        return True if seen[-1] == expected else None
+
+    seen: list[_Result | None] = []
+    try:
+        asked_again(result)
+    except AssertionError as error:
+        raise AssertionError(f"{expected!r} never came; last {seen[-3:]}") from error
+
+
 def asked_again(ask: Callable[[], _Result]) -> _Result:
     """The first result that is neither an exception nor None."""
     last: Exception | None = None

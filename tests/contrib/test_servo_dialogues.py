@@ -12,7 +12,7 @@ import scservo_sdk
 from dynamixel_sdk import GroupBulkRead, GroupBulkWrite, GroupSyncRead, GroupSyncWrite
 from lewanlib.bus import ServoBus
 
-from tests.contrib.played import Answer, Played, asked_again, played
+from tests.contrib.played import Answer, Played, asked_again, asked_until, played
 from wirebond import Message
 
 pytestmark = pytest.mark.live
@@ -61,33 +61,33 @@ def test_lewanlib_sets_a_servo_and_reads_everything_back() -> None:
         bus = ServoBus(device.path, timeout=0.5, discard_echo=False)
         servo = bus.get_servo(3)
         servo.move_time_write(120, 1.5)
-        assert asked_again(servo.move_time_read) == (120, 1.5)
+        asked_until(servo.move_time_read, (120, 1.5))
         assert device.named("move")[0].header == {"servo": 3}
         assert device.named("move")[0].fields == {"angle": 120, "duration": 1.5}
         servo.move_time_wait_write(24, 0.25)
-        assert asked_again(servo.move_time_wait_read) == (24, 0.25)
+        asked_until(servo.move_time_wait_read, (24, 0.25))
         servo.move_start()
         servo.move_stop()
         servo.angle_offset_adjust(-12)
-        assert asked_again(servo.angle_offset_read) == -12
+        asked_until(servo.angle_offset_read, -12)
         servo.angle_limit_write(24, 216)
-        assert asked_again(servo.angle_limit_read) == (24, 216)
+        asked_until(servo.angle_limit_read, (24, 216))
         servo.vin_limit_write(5, 8.5)
-        assert asked_again(servo.vin_limit_read) == (5, 8.5)
+        asked_until(servo.vin_limit_read, (5, 8.5))
         servo.temp_max_limit_write(70, "C")
-        assert asked_again(lambda: servo.temp_max_limit_read("C")) == 70
+        asked_until(lambda: servo.temp_max_limit_read("C"), 70)
         servo.mode_write("motor", -500)
-        assert asked_again(servo.mode_read) == ("motor", -500)
+        asked_until(servo.mode_read, ("motor", -500))
         servo.set_powered(True)
-        assert asked_again(lambda: [servo.is_powered()]) == [True]
+        asked_until(lambda: [servo.is_powered()], [True])
         servo.led_ctrl_write(False)
-        assert asked_again(lambda: [servo.led_ctrl_read()]) == [False]
+        asked_until(lambda: [servo.led_ctrl_read()], [False])
         servo.led_error_write(stalled=True, over_voltage=False, over_temp=True)
-        assert asked_again(servo.led_error_read) == (True, False, True)
+        asked_until(servo.led_error_read, (True, False, True))
         assert device.named("set_alarms")[-1].fields == {"alarms": ["over_temperature", "stalled"]}
-        assert asked_again(lambda: servo.temp_read("C")) == 41
-        assert asked_again(servo.vin_read) == 7.4
-        assert asked_again(servo.pos_read) == -2.4
+        asked_until(lambda: servo.temp_read("C"), 41)
+        asked_until(servo.vin_read, 7.4)
+        asked_until(servo.pos_read, -2.4)
         servo.id_write(9)
         assert device.last("set_number").fields == {"number": 9}
         assert [len(device.named(name)) for name in ("start", "stop", "save_offset")] == [1, 1, 1]
@@ -167,14 +167,13 @@ def test_the_dynamixel_sdk_reads_and_writes_servos_of_protocol_1() -> None:
                 several(device, memory, [one["servo"]], one["address"], one["size"])
 
         servos = dynamixel_sdk.PacketHandler(1.0)
-        assert asked_again(lambda: good(servos.ping(port, 1))) == 29
-        assert asked_again(lambda: good(servos.write2ByteTxRx(port, 1, 30, 512)))
-        assert memory.number(1, 30, 2) == 512
-        assert asked_again(lambda: good(servos.read2ByteTxRx(port, 1, 30))) == 512
+        asked_until(lambda: good(servos.ping(port, 1)), 29)
+        asked_until(lambda: good(servos.write2ByteTxRx(port, 1, 30, 512)) and memory.number(1, 30, 2), 512)
+        asked_until(lambda: good(servos.read2ByteTxRx(port, 1, 30)), 512)
         assert asked_again(lambda: good(servos.write4ByteTxRx(port, 2, 100, 0xFF00FF00)))
-        assert asked_again(lambda: good(servos.read4ByteTxRx(port, 2, 100))) == 0xFF00FF00
+        asked_until(lambda: good(servos.read4ByteTxRx(port, 2, 100)), 0xFF00FF00)
         assert asked_again(lambda: good(servos.regWriteTxRx(port, 1, 30, 2, [1, 2])))
-        assert device.named("write_later")[0].fields == {"address": 30, "data": b"\1\2"}
+        assert device.last("write_later").fields == {"address": 30, "data": b"\1\2"}
         servos.action(port, dynamixel_sdk.BROADCAST_ID)
         assert device.last("action").header["servo"] == 0xFE
         assert asked_again(lambda: good(servos.factoryReset(port, 2)))
@@ -192,7 +191,7 @@ def test_the_dynamixel_sdk_reads_and_writes_servos_of_protocol_1() -> None:
             port.is_using = False
             return None if outcome or outcome_of_second else (first, second)
 
-        assert asked_again(read_both) == ([1, 3], [0, 0xFF, 0, 0xFF])
+        asked_until(read_both, ([1, 3], [0, 0xFF, 0, 0xFF]))
 
 
 def test_the_dynamixel_sdk_reads_and_writes_servos_of_protocol_2() -> None:
@@ -219,11 +218,11 @@ def test_the_dynamixel_sdk_reads_and_writes_servos_of_protocol_2() -> None:
 
         servos = dynamixel_sdk.PacketHandler(2.0)
         memory.write(1, 100, b"\xff\xff\xfd\x01")  # a byte is inserted; the library does not insert it itself
-        assert asked_again(lambda: good(servos.read4ByteTxRx(port, 1, 100))) == 0x01FDFFFF
+        asked_until(lambda: good(servos.read4ByteTxRx(port, 1, 100)), 0x01FDFFFF)
         assert asked_again(lambda: good(servos.write4ByteTxRx(port, 1, 116, 0x7F010203)))
-        assert asked_again(lambda: good(servos.read4ByteTxRx(port, 1, 116))) == 0x7F010203
+        asked_until(lambda: good(servos.read4ByteTxRx(port, 1, 116)), 0x7F010203)
         assert asked_again(lambda: good(servos.write1ByteTxRx(port, 2, 64, 1)))
-        assert asked_again(lambda: good(servos.read1ByteTxRx(port, 2, 64))) == 1
+        asked_until(lambda: good(servos.read1ByteTxRx(port, 2, 64)), 1)
         assert asked_again(lambda: good(servos.regWriteTxRx(port, 1, 116, 4, [1, 2, 3, 4])))
         servos.action(port, dynamixel_sdk.BROADCAST_ID)
         assert device.last("action").header["servo"] == 0xFE
@@ -239,8 +238,11 @@ def test_the_dynamixel_sdk_reads_and_writes_servos_of_protocol_2() -> None:
         reading = GroupSyncRead(port, servos, 116, 4)
         for number in SERVOS:
             reading.addParam(number)
-        assert asked_again(lambda: good(reading.txRxPacket()))
-        assert [reading.getData(number, 116, 4) for number in SERVOS] == [1, 2]
+
+        def read_each() -> list[int] | None:
+            return good(reading.txRxPacket()) and [reading.getData(number, 116, 4) for number in SERVOS]
+
+        asked_until(read_each, [1, 2])
 
         writing = GroupBulkWrite(port, servos)
         writing.addParam(1, 64, 1, [1])
@@ -249,8 +251,11 @@ def test_the_dynamixel_sdk_reads_and_writes_servos_of_protocol_2() -> None:
         bulk = GroupBulkRead(port, servos)
         bulk.addParam(1, 64, 1)
         bulk.addParam(2, 116, 4)
-        assert asked_again(lambda: good(bulk.txRxPacket()))
-        assert (bulk.getData(1, 64, 1), bulk.getData(2, 116, 4)) == (1, 0x01020304)
+
+        def read_both() -> list[int] | None:
+            return good(bulk.txRxPacket()) and [bulk.getData(1, 64, 1), bulk.getData(2, 116, 4)]
+
+        asked_until(read_both, [1, 0x01020304])
 
 
 def test_a_dynamixel_of_protocol_2_says_its_model_to_a_ping() -> None:
@@ -260,8 +265,8 @@ def test_a_dynamixel_of_protocol_2_says_its_model_to_a_ping() -> None:
         opened(device.path) as port,
     ):
         servos = dynamixel_sdk.PacketHandler(2.0)
-        assert asked_again(lambda: good(servos.ping(port, 1))) == 0x424
-        assert asked_again(lambda: servos.broadcastPing(port)[0] or None) == {1: [0x424, 45]}
+        asked_until(lambda: good(servos.ping(port, 1)), 0x424)
+        asked_until(lambda: servos.broadcastPing(port)[0] or None, {1: [0x424, 45]})
         assert device.named("ping")[-1].header["servo"] == 0xFE
 
 
@@ -277,17 +282,17 @@ def test_the_feetech_sdk_moves_and_reads_servos() -> None:
         port.openPort()
         servos = scservo_sdk.sms_sts(port)
         memory.write(1, 3, (777).to_bytes(2, "little"))
-        assert asked_again(lambda: good(servos.ping(1))) == 777
+        asked_until(lambda: good(servos.ping(1)), 777)
         assert asked_again(lambda: good(servos.WritePosEx(1, 2048, 2400, 50)))
-        assert device.named("write")[0].fields == {"address": 41, "data": bytes([50, 0, 8, 0, 0, 0x60, 9])}
+        assert device.last("write").fields == {"address": 41, "data": bytes([50, 0, 8, 0, 0, 0x60, 9])}
         memory.write(1, 56, (0x8005).to_bytes(2, "little") + (1500).to_bytes(2, "little"))
-        assert asked_again(lambda: good(servos.ReadPos(1))) == -5
+        asked_until(lambda: good(servos.ReadPos(1)), -5)
 
         def read_both() -> tuple[int, int] | None:
             position, speed, outcome, error = servos.ReadPosSpeed(1)
             return None if outcome or error else (position, speed)
 
-        assert asked_again(read_both) == (-5, 1500)
+        asked_until(read_both, (-5, 1500))
         assert asked_again(lambda: good(servos.RegWritePosEx(2, 100, 60, 5)))
         servos.RegAction()
         assert device.last("action").header["servo"] == 0xFE
@@ -298,6 +303,9 @@ def test_the_feetech_sdk_moves_and_reads_servos() -> None:
         reading = scservo_sdk.GroupSyncRead(servos, 42, 2)
         for number in SERVOS:
             reading.addParam(number)
-        assert asked_again(lambda: good(reading.txRxPacket()))
-        assert [reading.getData(number, 42, 2) for number in SERVOS] == [1000, 2000]
+
+        def read_each() -> list[int] | None:
+            return good(reading.txRxPacket()) and [reading.getData(number, 42, 2) for number in SERVOS]
+
+        asked_until(read_each, [1000, 2000])
         port.closePort()
