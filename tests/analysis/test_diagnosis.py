@@ -18,11 +18,11 @@ from tests.waiting import wait_until
 
 import wirebond
 from wirebond import Codec
-from wirebond.analysis.check.samples import pool
 from wirebond.analysis.diagnosis import Diagnosis, Kind, diagnose_dump
 from wirebond.analysis.diagnosis.live import LiveDiagnosis
 from wirebond.analysis.diagnosis.recent import recent
 from wirebond.analysis.diagnosis.uart import misread
+from wirebond.analysis.samples import pool
 from wirebond.cli.commands.wire import line_shape
 from wirebond.cli.main import main
 from wirebond.link import Dump, open_link

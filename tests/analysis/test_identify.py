@@ -15,9 +15,9 @@ from tests.contrib.oracles import ORACLES
 from tests.shared import PROTOCOLS, few_or_many, loaded
 
 from wirebond import load
-from wirebond.analysis.check.samples import pool
 from wirebond.analysis.identify import Candidate, Format, known_formats, rank
 from wirebond.analysis.identify.lines import Heard, Line, best_of, lines_for, search
+from wirebond.analysis.samples import pool
 from wirebond.cli.main import main
 from wirebond.protocol.model import End
 from wirebond.sim.pty_port import PtyPort

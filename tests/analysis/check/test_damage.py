@@ -14,7 +14,7 @@ from wirebond.analysis.check.damage import (
     weights_by_damage,
     wrong_bits,
 )
-from wirebond.analysis.check.samples import pool
+from wirebond.analysis.samples import pool
 from wirebond.protocol.model import End
 
 BITS = np.repeat(np.array([16, 88, 360]), 20_000)

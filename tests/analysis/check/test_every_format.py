@@ -11,7 +11,7 @@ from wirebond.analysis.check import check_strength, cut_frames, holdback, line_b
 from wirebond.analysis.check.damage import decode_blocks
 from wirebond.analysis.check.frame_facts import senders, wire_bytes
 from wirebond.analysis.check.places import Places
-from wirebond.analysis.check.samples import asked, pool
+from wirebond.analysis.samples import asked, pool
 from wirebond.codec import Codec
 
 FORMATS = Path(__file__).parents[3] / "tests" / "formats"

@@ -14,6 +14,7 @@ end_at_once()  # here, and not in main: only the command imports this module, an
 def main() -> None:
     """Entry point of the installed command."""
     _open_standard_streams()
+    _start_nothing_unused()
     gc.disable()  # what is imported stays, and looking through it for garbage is a tenth of the start
     from wirebond.cli.main import main as run  # noqa: PLC0415 it takes a while, and Ctrl-C may come meanwhile
 
@@ -22,6 +23,14 @@ def main() -> None:
     code = run()
     ignore()
     sys.exit(code)
+
+
+def _start_nothing_unused() -> None:
+    """numpy starts a thread of linear algebra for each core, and pydantic looks for plugins in all installed packages.
+    Nothing here uses either, and together they take a fifth of the processor time of a short command.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")
 
 
 def _open_standard_streams() -> None:

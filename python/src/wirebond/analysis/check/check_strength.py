@@ -25,8 +25,8 @@ from wirebond.analysis.check.damage import (
 from wirebond.analysis.check.findings import Finding, Severity
 from wirebond.analysis.check.frame_facts import ANY, ANY_CONTENT, forms, open_protocol, payload_sizes, senders
 from wirebond.analysis.check.places import Places
-from wirebond.analysis.check.samples import Pool, pool
 from wirebond.analysis.check.wording import count, percent
+from wirebond.analysis.samples import Pool, pool
 from wirebond.codec import Codec
 from wirebond.protocol.model import CheckKind, FrameFormat, PartKind, PayloadRule, Protocol
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from wirebond.analysis.check.findings import Finding, Severity
 from wirebond.analysis.check.frame_facts import senders
 from wirebond.analysis.check.places import Places
-from wirebond.analysis.check.samples import pool
 from wirebond.analysis.check.wording import percent
+from wirebond.analysis.samples import pool
 from wirebond.codec import Codec
 from wirebond.protocol.model import Stuffing
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wirebond.analysis.check.samples import Pool
+from wirebond.analysis.samples import Pool
 
 Integers = NDArray[np.int64]
 Flips = tuple[Integers, Integers]  # row of the damaged frame, bit within it; no pair twice

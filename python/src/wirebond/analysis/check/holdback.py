@@ -16,8 +16,8 @@ from wirebond.analysis.check.frame_facts import (
     senders,
 )
 from wirebond.analysis.check.places import Places
-from wirebond.analysis.check.samples import pool
 from wirebond.analysis.check.wording import count, direction, seconds
+from wirebond.analysis.samples import pool
 from wirebond.codec import Codec
 from wirebond.protocol.model import End, Protocol
 

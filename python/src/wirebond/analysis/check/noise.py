@@ -11,8 +11,8 @@ from wirebond.analysis.check.damage import decode_blocks
 from wirebond.analysis.check.findings import Finding, Severity
 from wirebond.analysis.check.frame_facts import forms, payload_sizes
 from wirebond.analysis.check.places import Places
-from wirebond.analysis.check.samples import Pool
 from wirebond.analysis.check.wording import count, direction
+from wirebond.analysis.samples import Pool
 from wirebond.codec import Codec
 from wirebond.protocol.model import End, Message, PayloadRule, Protocol, Stuffing
 from wirebond.protocol.plan import Form, Number

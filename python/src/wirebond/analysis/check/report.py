@@ -29,9 +29,9 @@ from wirebond.analysis.check.holdback import HoldBack
 from wirebond.analysis.check.line_budget import Budget
 from wirebond.analysis.check.noise import Noise
 from wirebond.analysis.check.places import Places
-from wirebond.analysis.check.samples import asked
 from wirebond.analysis.check.stuffing import InsertedZero
 from wirebond.analysis.check.urgent_wait import UrgentWait
+from wirebond.analysis.samples import asked
 from wirebond.codec import Codec
 
 SEED = 1

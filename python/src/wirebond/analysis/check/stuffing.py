@@ -9,8 +9,8 @@ from wirebond.analysis.check.damage import Measured
 from wirebond.analysis.check.findings import Finding, Severity
 from wirebond.analysis.check.frame_facts import open_protocol, senders
 from wirebond.analysis.check.places import Places
-from wirebond.analysis.check.samples import pool
 from wirebond.analysis.check.wording import count, percent
+from wirebond.analysis.samples import pool
 from wirebond.codec import Codec
 from wirebond.protocol.model import CheckKind, FrameFormat, PartKind, Protocol, Stuffing
 

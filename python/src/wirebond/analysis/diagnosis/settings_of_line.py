@@ -8,9 +8,9 @@ import random
 from collections import Counter
 from collections.abc import Iterator
 
-from wirebond.analysis.check.samples import pool
 from wirebond.analysis.diagnosis.finding import Diagnosis, Kind
 from wirebond.analysis.diagnosis.uart import misread
+from wirebond.analysis.samples import pool
 from wirebond.codec import Codec
 from wirebond.protocol.model import End, Parity
 
