@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.console.browser import Desk, desk, shows_the_robot, take_control
+from tests.console.browser import VIEWS, Desk, desk, serious, shows_the_robot, take_control
 from tests.relay import Relay
 from tests.waiting import moments, wait_until
 from wirebond.chinese import chinese
@@ -72,6 +72,16 @@ def test_a_page_on_a_dead_network_says_so_and_its_stop_arrives_when_the_network_
         rover.link.release_stop()
         expect(page.locator("header")).to_contain_text("No program is in control")
         expect(page.get_by_role("application")).to_contain_text("Take control first")
+
+
+def test_what_was_heard_last_stays_legible(rover: Desk) -> None:
+    with behind_a_network(rover, "link") as (page, relay):
+        relay.drops.set()
+        for number, view in enumerate(VIEWS, start=1):
+            page.keyboard.press(str(number))
+            expect(page.locator("main.past")).to_be_visible()
+            assert f"#/{view}" in page.url
+            assert serious(page) == [], view
 
 
 def test_a_stop_into_a_silent_connection_is_not_called_done(rover: Desk) -> None:
