@@ -1,6 +1,7 @@
 // Opens a tty or a TCP connection, with a sentence for each failure.
 #include "opener.hpp"
 
+#include <fcntl.h>
 #include <netdb.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -49,13 +50,8 @@ class SerialOpener final : public Opener {
       : path_(std::move(path)), settings_(settings), root_(std::move(root)) {}
 
   posix::Descriptor open(const std::atomic<bool>&, PortProblem& problem) override {
-    if (pty_.is_a_strangers(path_)) {
-      problem = {path_ +
-                     " is another program's terminal now, because a pty's number is given away when it ends; "
-                     "open the new pty by its own name, or use a link to it that stays (wirebond sim --link NAME)",
-                 0};
-      return {};
-    }
+    posix::Descriptor kept;
+    if (!is_ours(kept, problem)) return {};
     posix::SerialError error;
     posix::LatencyTimer timer = posix::latency_timer(path_, root_);  // read before the low-latency flag changes it
     posix::SerialReport report;
@@ -85,6 +81,26 @@ class SerialOpener final : public Opener {
   std::optional<LineReport> line() const override { return line_; }
 
  private:
+  /// Refuse a stranger's terminal. A pty that is open keeps its number: without `kept`, a stranger could get it between
+  /// the look and the opening.
+  bool is_ours(posix::Descriptor& kept, PortProblem& problem) {
+    if (!pty_.is_a_strangers(path_)) {
+      if (!pty_.is_known()) return true;
+      kept = posix::Descriptor(::open(path_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
+      if (!kept.is_open()) {
+        const posix::SerialError error{posix::SerialError::Step::open, errno};
+        problem = {sentence(path_, settings_, error), error.code};
+        return false;
+      }
+      if (!pty_.is_a_strangers(path_)) return true;
+    }
+    problem = {path_ +
+                   " is another program's terminal now, because a pty's number is given away when it ends; "
+                   "open the new pty by its own name, or use a link to it that stays (wirebond sim --link NAME)",
+               0};
+    return false;
+  }
+
   std::string path_;
   posix::SerialSettings settings_;
   PtyNumber pty_;

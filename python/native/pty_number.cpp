@@ -30,7 +30,7 @@ void PtyNumber::remember(const std::string& path) { before_ = look(path); }
 bool PtyNumber::is_a_strangers(const std::string& path) const {
   if (!before_.is_pty) return false;
   const Seen now = look(path);
-  if (!now.is_pty || now.pty == before_.pty) return false;
+  if (!now.is_pty) return false;
   // Without a symbolic link the name is the pty itself: it now belongs to another program.
   return now.name == before_.name || now.name == now.pty;
 }

@@ -9,14 +9,18 @@
 namespace wirebond::engine {
 
 /// Remembers where a path led. The number of a pty, as in /dev/pts/5, is reused once the pty has ended: the same path
-/// may then be a stranger's terminal. It is ours if it is the same pty, or if a new symbolic link was made since that
-/// points the path to it. One thread at a time.
+/// may then be a stranger's terminal. It is ours if a new symbolic link was made since that points the path to it. A
+/// pty is lost only when it ends, so the same number is never the same pty, even if both were made at the same time:
+/// the clock of the file system has steps of milliseconds. One thread at a time.
 class PtyNumber {
  public:
   /// Remember the path, which was opened.
   void remember(const std::string& path);
 
-  /// Check whether the path is a pty other than the remembered one, although the path itself is unchanged. False for
+  /// Return true if the remembered path is a pty.
+  bool is_known() const { return before_.is_pty; }
+
+  /// Check whether the path, whose remembered pty has ended, is a pty although the path itself is unchanged. False for
   /// anything that is no pty.
   bool is_a_strangers(const std::string& path) const;
 

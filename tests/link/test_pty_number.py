@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import termios
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
@@ -13,6 +13,7 @@ import pytest
 import wirebond
 from tests.shared import codec
 from tests.waiting import moments, wait_until
+from wirebond.link.devices.pty_number import PtyNumber
 from wirebond.sim.pty_port import PtyPort
 
 pytestmark = [pytest.mark.live, pytest.mark.usefixtures("ports")]
@@ -51,6 +52,26 @@ def test_a_strangers_terminal_under_the_same_number_is_left_alone(by_link: bool,
             assert why_when_refused(link).startswith(str(name))
             assert link.state == "down"
             assert termios.tcgetattr(terminal)[_LOCAL_MODES] & termios.ECHO  # not made raw
+
+
+@pytest.mark.parametrize("ports", ["python"], indirect=True)
+def test_a_number_that_is_given_away_after_the_look_is_a_strangers_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the ports in Python, where the moment between the look and the opening can be met."""
+    look, given = PtyNumber.is_a_strangers, ExitStack()
+
+    def give_away_after_it(number: PtyNumber, path: str) -> bool:
+        is_a_strangers = look(number, path)
+        if not is_a_strangers and not Path(path).exists() and not terminals:
+            terminals.append(given.enter_context(terminal_with_the_path(path)))
+        return is_a_strangers
+
+    terminals: list[int] = []
+    monkeypatch.setattr(PtyNumber, "is_a_strangers", give_away_after_it)
+    port = PtyPort()
+    with given, wirebond.open(codec("diffdrive"), port.path) as link:
+        port.close()
+        why_when_refused(link)
+        assert termios.tcgetattr(terminals[0])[_LOCAL_MODES] & termios.ECHO
 
 
 def test_a_new_link_to_a_pty_with_the_same_number_is_followed(tmp_path: Path) -> None:

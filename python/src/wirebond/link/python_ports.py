@@ -205,16 +205,19 @@ class PythonOpener:
         """
         name = self._name
         self._at = name.path() if name.moves else name.text
-        if not name.moves and self._pty.is_a_strangers(self._at):
-            raise PortError(pty_number.sentence(self._at), None, name.text)
+        self._refuse_a_strangers()
         try:
             if name.is_tcp and not name.is_rfc2217:
                 return TcpPort(socket.create_connection((name.host, int(name.service)), ANSWER), self._wait)
-            timer = _LatencyTimer(self._root, self._at)
-            port = self._open_with_pyserial()
-            self.line = self._line_of(port, timer)
-            self._pty.remember(self._at)
-            return PyserialPort(port)
+            with contextlib.nullcontext() if name.moves else self._pty.kept(self._at):
+                self._refuse_a_strangers()
+                timer = _LatencyTimer(self._root, self._at)
+                port = self._open_with_pyserial()
+                self.line = self._line_of(port, timer)
+                self._pty.remember(self._at)
+                return PyserialPort(port)
+        except PortError:
+            raise  # it has its sentence
         except (OSError, ValueError, TtyError) as failure:
             error = failure
             if not isinstance(error, (OSError, ValueError)):  # a tty that goes away while it is set up
@@ -223,6 +226,10 @@ class PythonOpener:
             code = cause.errno if isinstance(cause, OSError) and not isinstance(cause, socket.gaierror) else None
             sentence = self._refused_by_server(error, cause) if name.is_tcp else self._refused(error, code)
             raise PortError(sentence, code, name.text) from None
+
+    def _refuse_a_strangers(self) -> None:
+        if not self._name.moves and self._pty.is_a_strangers(self._at):
+            raise PortError(pty_number.sentence(self._at), None, self._name.text)
 
     def _open_with_pyserial(self) -> Any:
         line = self._settings

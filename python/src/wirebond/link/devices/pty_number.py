@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import stat
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,10 +30,30 @@ class PtyNumber:
         """The path was opened."""
         self._before = _look(path)
 
+    @contextlib.contextmanager
+    def kept(self, path: str) -> Iterator[None]:
+        """Where the remembered path is a pty: nobody else gets its number meanwhile, because it is open. A stranger
+        could get it between a look and the opening.
+
+        :raises OSError: that it cannot be opened.
+        """
+        if self._before is None:
+            yield
+            return
+        kept = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        try:
+            yield
+        finally:
+            os.close(kept)
+
     def is_a_strangers(self, path: str) -> bool:
-        """The path is a pty that is not the remembered one, and the path itself is as it was."""
+        """The remembered pty has ended, and the path is a pty although the path itself is as it was.
+
+        The same number is never the same pty, even if both were made at the same time: the file system's clock has
+        steps of milliseconds.
+        """
         now = _look(path)
-        if self._before is None or now is None or now.pty == self._before.pty:
+        if self._before is None or now is None:
             return False
         return now.name in (self._before.name, now.pty)  # no new symbolic link leads to it
 
