@@ -93,11 +93,13 @@ def _read(path: str) -> str:
 def measure(root: int) -> None:
     """Answer each line of the standard input, until it ends."""
     waits, longest, sampled = Waits(root), 0.0, 0.0
+    before, worked = time.monotonic(), time.process_time()
     while True:
-        before = time.monotonic()
         is_asked = select.select([0], [], [], TICK)[0]
-        now = time.monotonic()
-        longest = max(longest, now - before - TICK)
+        now, work = time.monotonic(), time.process_time()
+        # From one awakening to the next, but for its own work: a pause may come while it samples, too.
+        longest = max(longest, now - before - (work - worked) - TICK)
+        before, worked = now, work
         if now >= sampled + SAMPLE or is_asked:
             longest, sampled = max(longest, waits.longest_new()), now
         if is_asked:
