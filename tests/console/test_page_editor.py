@@ -137,3 +137,18 @@ def test_keys_and_values_are_completed_from_the_schema(edited: Edited) -> None:
     expect(text).to_be_focused()
     page.keyboard.press("Escape")
     expect(text).not_to_be_focused()
+
+
+def test_a_completion_is_written_before_the_next_key(edited: Edited) -> None:
+    page, text = edited.editor()
+    text.fill(f"lin\n{GOOD}")
+    page.keyboard.press("Control+Home")
+    for _ in "lin":
+        page.keyboard.press("ArrowRight")
+    expect(page.get_by_role("group", name="Completions").get_by_role("button", name="link")).to_be_visible()
+    page.evaluate("window.requestAnimationFrame = () => 0")  # a busy computer draws nothing meanwhile
+    page.keyboard.press("Tab")
+    page.keyboard.type("{}")
+    expect(text).to_have_value(f"link: {{}}\n{GOOD}")
+    page.keyboard.press("Escape")
+    expect(text).not_to_be_focused()
