@@ -81,8 +81,8 @@ class SerialOpener final : public Opener {
   std::optional<LineReport> line() const override { return line_; }
 
  private:
-  /// Refuse a stranger's terminal. A pty that is open keeps its number: without `kept`, a stranger could get it between
-  /// the look and the opening.
+  /// Refuse another program's terminal. An open pty keeps its number: without `kept`, another program could get it
+  /// between this check and the opening.
   bool is_ours(posix::Descriptor& kept, PortProblem& problem) {
     if (!pty_.is_a_strangers(path_)) {
       if (!pty_.is_known()) return true;

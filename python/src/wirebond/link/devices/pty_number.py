@@ -32,10 +32,10 @@ class PtyNumber:
 
     @contextlib.contextmanager
     def kept(self, path: str) -> Iterator[None]:
-        """Where the remembered path is a pty: nobody else gets its number meanwhile, because it is open. A stranger
-        could get it between a look and the opening.
+        """Keep the path open, if the remembered one is a pty, so that its number cannot go to another program between
+        the check and the opening.
 
-        :raises OSError: that it cannot be opened.
+        :raises OSError: the path cannot be opened.
         """
         if self._before is None:
             yield
