@@ -12,6 +12,7 @@ import pytest
 
 import wirebond
 from tests.command import run as command
+from tests.patient_servers import ages, real_ages  # noqa: F401 - fixtures of this module
 from tests.server.conftest import Served
 from tests.server.test_clients import json_client
 from tests.shared import ROOT

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from tests.link.attached import attached_links
+from tests.patient_servers import ages, real_ages  # noqa: F401 - fixtures of this folder
 from tests.shared import ROOT
 from wirebond.generate.code import generate_python
 from wirebond.link import settings

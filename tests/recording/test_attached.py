@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import wirebond
+from tests.patient_servers import ages, real_ages  # noqa: F401 - fixtures of this module
 from tests.shared import PROTOCOLS
 from tests.waiting import wait_until
 from wirebond import recording as recordings

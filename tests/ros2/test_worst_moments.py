@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 import wirebond
+from tests.patient_servers import be_patient
 from tests.ros2.domains import own_domain
 from tests.ros2.over_rclpy import rclpy_environment
 from tests.ros2.peer import Peer, message, twist
@@ -160,7 +161,10 @@ def test_emergency_stop_outlives_a_bridge_that_is_killed_also_on_a_full_disk(pro
             drives(peer)
 
 
-def test_two_bridges_share_a_server_that_restarts(program: Path, tmp_path: Path) -> None:
+def test_two_bridges_share_a_server_that_restarts(
+    program: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    be_patient(monkeypatch)
     address, socket = f"wirebond://{tmp_path}/rover.sock", tmp_path / "rover.sock"
     with rover.RoverProcess(program) as robot, wirebond.open(DIFFDRIVE, robot.port) as own, ExitStack() as stack:
         server = stack.enter_context(Server(own, socket))
