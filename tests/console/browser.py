@@ -20,6 +20,7 @@ from typing import Any
 from playwright.sync_api import Browser, Error, Locator, Page, Playwright, WebSocketRoute, expect
 
 import wirebond
+from tests.patient_servers import are_patient
 from tests.shared import PROTOCOLS, ROOT
 from tests.waiting import PATIENCE, moments, rounds_for, wait_until
 from wirebond.console import Console, Options
@@ -31,6 +32,12 @@ AXE = ROOT / "console" / "node_modules" / "axe-core" / "axe.min.js"
 PAGE = ROOT / "python" / "src" / "wirebond" / "console" / "page" / "index.html"
 DIFFDRIVE = PROTOCOLS / "diffdrive.yaml"
 VIEWS = ("link", "messages", "plots", "control", "tuning", "recordings", "protocol")
+
+# A page gives its control up after a second in which it hears nothing. With this a second of its is a minute.
+_PATIENT = """
+const [now, began] = [performance.now.bind(performance), performance.now()]
+performance.now = () => began + (now() - began) / 60
+"""
 
 # The robot says when each velocity came, on a clock that all processes of this computer share.
 _BEHAVIOUR = """
@@ -182,15 +189,18 @@ def open_page(
     view: str = "link",
     problems: list[str] | None = None,
     address: str = "",
+    has_real_time: bool = False,
     **options: Any,
 ) -> Page:
     """A tab of a browser's profile of its own. ``problems`` gets what it writes as errors. ``address``: of another way
-    to the console."""
+    to the console. It is as patient as the servers, unless it measures and ``has_real_time``."""
     context = browser.new_context(
         **{"viewport": {"width": 1280, "height": 720}, "locale": "en-US", "color_scheme": "light", **options}
     )
     context.set_default_timeout(PATIENCE * 1000)
     page = context.new_page()
+    if are_patient() and not has_real_time:
+        page.add_init_script(_PATIENT)
     if problems is not None:
         page.on("pageerror", lambda error: problems.append(error.stack or str(error)))
     page.goto(address_of(console, view, address))

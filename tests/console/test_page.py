@@ -15,8 +15,8 @@ from playwright.sync_api import Browser, expect
 from tests.console.browser import (
     VIEWS,
     Desk,
-    address_of,
     desk,
+    open_page,
     press,
     serious,
     shows_the_robot,
@@ -237,9 +237,7 @@ def test_a_server_that_is_gone_is_named_and_comes_back_without_control(
 ) -> None:
     console = Console(port=0)
     console.show(rover.link, rover.server)
-    context = browser.new_context(locale="en-US")
-    page = context.new_page()
-    page.goto(address_of(console, "control"))
+    page = open_page(browser, console, "control")
     take_control(page)
     console.close()
     expect(page.locator("header").get_by_role("status")).to_contain_text("The server does not answer")
@@ -247,7 +245,7 @@ def test_a_server_that_is_gone_is_named_and_comes_back_without_control(
         again.show(rover.link, rover.server)
         shows_the_robot(page)
         expect(page.locator("header")).to_contain_text("No program is in control")
-        context.close()
+        page.context.close()
 
 
 def test_the_page_speaks_chinese_and_fits_a_phone(rover: Desk) -> None:

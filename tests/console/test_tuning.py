@@ -95,7 +95,7 @@ def shown(port: str | Path, protocol: str, folder: Path, browser: Browser) -> It
         Console(port=0) as console,
     ):
         console.show(link, server)
-        page = open_page(browser, console, "tuning", problems)
+        page = open_page(browser, console, "tuning", problems, has_real_time=True)
         yield link, page
         page.context.close()
     assert problems == []

@@ -22,7 +22,7 @@ from tests.ros2.peer import Peer, message, twist
 from tests.ros2.test_over_rclpy import DIFFDRIVE, domain, drives, presses, program, releases, stands
 from tests.ros2.test_rover import WIREBOND, diagnosed, said
 from tests.shared import PROTOCOLS
-from tests.waiting import PATIENCE, wait_until
+from tests.waiting import PATIENCE, let_pass, wait_until
 from wirebond.server import Server
 from wirebond.sim import rover
 
@@ -30,6 +30,7 @@ pytestmark = pytest.mark.live
 
 __all__ = ["domain", "program"]  # fixtures
 FAST = "aa 55 01 20 03"  # how a frame of `velocity` with 0.8 m/s begins
+TOO_OLD = 1.0  # seconds; a bridge takes what has waited for half of it for old
 EMPTY = message("std_msgs/Empty")
 
 
@@ -103,25 +104,15 @@ def suspend(process: subprocess.Popen[str]) -> None:
     wait_until(lambda: states() == {"T"}, lambda: f"all threads stop; they are {states()}")
 
 
-def wait_for_deadline(robot: rover.RoverProcess, action: str) -> None:
-    """Until the rover has heard no command for so long."""
-    events: list[str] = []
-    wait_until(
-        lambda: any(event.endswith(f" {action}") for event in events) or events.extend(robot.events(timeout=0.2)),
-        lambda: f"the rover's deadline {action}; it reported {events}",
-    )
-
-
 @pytest.mark.parametrize("adapter", ["rclpy", "dds"])
 def test_bridge_that_was_stopped_and_continued_acts_on_no_old_command(
     adapter: str, program: Path, tmp_path: Path
 ) -> None:
     with rover.RoverProcess(program) as robot, running(adapter, robot.port, tmp_path) as (process, peer):
         drives(peer)
-        robot.events()
         suspend(process)
         peer.publish("/cmd_vel", twist(0.8, 0.0))
-        wait_for_deadline(robot, "stop")
+        let_pass(TOO_OLD)
         peer.publish("/emergency_stop", message("std_msgs/Bool", False))
         process.send_signal(signal.SIGCONT)
         peer.wait(lambda: said(peer, "velocity was not sent: it may have waited while this node was held up"))
@@ -131,11 +122,9 @@ def test_bridge_that_was_stopped_and_continued_acts_on_no_old_command(
         if adapter == "dds":  # its server has heard nothing from it for too long
             peer.wait(lambda: takes_control(peer, ""))
         drives(peer)  # once the stall is over
-
-        robot.events()
         suspend(process)
         peer.publish("/emergency_stop", message("std_msgs/Bool", True))
-        wait_for_deadline(robot, "stop")
+        let_pass(TOO_OLD)
         process.send_signal(signal.SIGCONT)
         peer.wait(lambda: said(peer, "emergency stop: what moves"))  # it is never too late
         stands(peer)
@@ -196,7 +185,7 @@ def test_two_bridges_share_a_server_that_restarts(
         stack.enter_context(Server(own, socket))
         peer.wait(lambda: own.stopped)
         peer.wait(lambda: said(peer, "emergency stop: what moves"))
-        releases(peer, lambda: said(peer, "the emergency stop is released"))
+        releases(peer, lambda: not own.stopped)
         drives(peer)
 
         process.kill()  # while it drives
