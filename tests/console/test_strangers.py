@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import logging
 import socket
+import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -14,6 +16,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from tests.console.conftest import Desk, hear, make_desk, say
 from tests.waiting import PATIENCE, Stopwatch, wait_until
+from wirebond.console.visitors import Visitors
 from wirebond.server import strangers
 from wirebond.server.strangers import DELAY
 
@@ -88,10 +91,16 @@ def test_after_a_wrong_token_each_wrong_one_waits_and_the_right_one_still_opens(
 
 
 @pytest.mark.parametrize("how", ["wait", "leave"])
-def test_a_flood_of_wrong_tokens_keeps_no_page_out(locked: Desk, how: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("is_stalled", [False, True])  # then all of them are found at once
+def test_a_flood_of_wrong_tokens_keeps_no_page_out(
+    locked: Desk, how: str, is_stalled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(strangers, "DELAY", 30.0)  # as if all of them came within a second
     wrong = f"GET /api/protocol HTTP/1.1\r\nHost: {locked.host}\r\nAuthorization: Bearer wrong\r\n\r\n".encode()
     with ExitStack() as stack:
+        if is_stalled:
+            goes_on = stall_at_the_next_connection(monkeypatch)
+            stack.callback(goes_on.set)
         for _ in range(600):  # more than the web server takes requests at once
             one = socket.create_connection(("127.0.0.1", locked.port))
             one.sendall(wrong)
@@ -99,9 +108,24 @@ def test_a_flood_of_wrong_tokens_keeps_no_page_out(locked: Desk, how: str, monke
                 stack.enter_context(one)
             else:
                 one.close()
+        if is_stalled:
+            threading.Timer(0.1, goes_on.set).start()  # behind the request
         assert locked.ask("/api/protocol")[0] == 200
         with locked.attach() as page:
             assert "ok" in hear(page, lambda said: said.get("re") == 1)
+
+
+def stall_at_the_next_connection(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
+    """The web server stands still there, until this is set."""
+    goes_on = threading.Event()
+    enter = Visitors.enter
+
+    def wait(visitors: Visitors, transport: asyncio.Transport) -> None:
+        assert goes_on.wait(PATIENCE)
+        enter(visitors, transport)
+
+    monkeypatch.setattr(Visitors, "enter", wait)
+    return goes_on
 
 
 def test_who_has_shown_the_token_does_not_wait_for_the_mistakes_of_others(locked: Desk) -> None:

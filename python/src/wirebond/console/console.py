@@ -21,7 +21,7 @@ from wirebond.console.guard import Guard
 from wirebond.console.jobs import Worker
 from wirebond.console.library import Library
 from wirebond.console.station import Station
-from wirebond.console.visitors import Visitors, protocol_for
+from wirebond.console.visitors import Visitors, protocols_for
 from wirebond.errors import UsageError
 from wirebond.paths import PAGE
 from wirebond.seldom import SeldomFilter, limit_errors_of
@@ -80,6 +80,7 @@ class Console:
         api = routes(self.station, library, connector, self._worker)
         visitors = Visitors(self._guard)
         app = application(self._guard, visitors, self.station, library, page, api)
+        http, websocket = protocols_for(visitors)
         config = uvicorn.Config(
             app,
             log_config=None,
@@ -87,8 +88,8 @@ class Console:
             lifespan="off",
             backlog=_BACKLOG,
             proxy_headers=False,  # a client could choose its own address
-            http=protocol_for(visitors),
-            ws="websockets-sansio",
+            http=http,
+            ws=websocket,
             ws_max_size=_MOST_MESSAGE,
             ws_per_message_deflate=False,
             ws_ping_interval=None,  # control has a heartbeat of its own, and views need none

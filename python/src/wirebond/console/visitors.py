@@ -6,17 +6,17 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from typing import Any
 
 from starlette.types import Scope
 from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from wirebond.console.guard import Guard
 from wirebond.server.strangers import WITHIN, Strangers, WrongTokens
 
-_LOOK_EVERY = 0.02  # seconds
 _SERVED_WITHIN = 10.0  # seconds that one answer to a stranger may take, such as the page over a slow network
 _Key = tuple[str, int]  # address and port of the client
 
@@ -28,6 +28,7 @@ class _Visitor:
     since: float  # of its last activity
     serving: int = 0  # requests
     is_known: bool = False  # has shown the token
+    ended: asyncio.Event = field(default_factory=asyncio.Event)
 
     @property
     def is_gone(self) -> bool:
@@ -59,6 +60,13 @@ class Visitors:
         self._make_way(visitor)
         self._look(visitor)
 
+    def leave(self, transport: asyncio.Transport) -> None:
+        """A connection has ended."""
+        peer = transport.get_extra_info("peername")
+        visitor = None if peer is None else self._all.get((str(peer[0]), int(peer[1])))
+        if visitor is not None and visitor.transport is transport:
+            visitor.ended.set()
+
     @contextmanager
     def serving(self, scope: Scope) -> Iterator[None]:
         """While a request is answered."""
@@ -85,7 +93,8 @@ class Visitors:
         delay = self._wrong.delay(visitor.key[0], time.monotonic(), is_right=is_right)
         if delay and not visitor.is_known:
             self._strangers.wait(visitor, makes_way=not self._wrong.is_short)
-            if not await _stays(visitor.transport, delay):
+            with suppress(TimeoutError):  # its request is over with it: the web server takes only so many
+                await asyncio.wait_for(visitor.ended.wait(), delay)
                 return False
         if not is_right:
             self._wrong.note(visitor.key[0], time.monotonic())
@@ -102,6 +111,7 @@ class Visitors:
         goes = self._strangers.enter(visitor)
         if goes is not None:
             goes.transport.abort()
+            goes.ended.set()
 
     def _look(self, visitor: _Visitor) -> None:
         """Close what does nothing, and forget what is gone."""
@@ -115,20 +125,21 @@ class Visitors:
         asyncio.get_running_loop().call_later(WITHIN if visitor.is_known else left, self._look, visitor)
 
 
-async def _stays(transport: asyncio.Transport, seconds: float) -> bool:
-    """Wait. False: the connection has ended; then at once, because the web server takes only so many requests."""
-    end = time.monotonic() + seconds
-    while (left := end - time.monotonic()) > 0 and not transport.is_closing():
-        await asyncio.sleep(min(left, _LOOK_EVERY))
-    return not transport.is_closing()
-
-
-def protocol_for(visitors: Visitors) -> type[asyncio.Protocol]:
-    """The web server's connections, each of which is a visitor."""
+def protocols_for(visitors: Visitors) -> tuple[type[asyncio.Protocol], type[asyncio.Protocol]]:
+    """The web server's connections, each of which is a visitor: of HTTP, and what they become as WebSockets."""
 
     class Connection(H11Protocol):
         def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
             super().connection_made(transport)
             visitors.enter(transport)
 
-    return Connection
+        def connection_lost(self, exc: Exception | None) -> None:
+            super().connection_lost(exc)
+            visitors.leave(self.transport)
+
+    class WebSocket(WebSocketsSansIOProtocol):
+        def connection_lost(self, exc: Exception | None) -> None:
+            super().connection_lost(exc)
+            visitors.leave(self.transport)
+
+    return Connection, WebSocket
