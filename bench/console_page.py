@@ -43,6 +43,7 @@ messages:
 """ + "".join(f"      {name}: {{type: i16}}\n" for name in "abcdefgh")
 FEEDER = """
 import math, sys, time, wirebond
+rate = int((sys.argv[3:] or [8000])[0])  # messages a second
 from wirebond.sim.pty_port import PtyPort
 port, codec = PtyPort(), wirebond.load(sys.argv[1])
 values = lambda i: {n: round(9000 * math.sin(i / 600 + k)) for k, n in enumerate("abcdefgh")}
@@ -51,7 +52,7 @@ print(port.path, flush=True)
 port.wait_for_program()
 number, began = 0, time.monotonic()
 while (now := time.monotonic()) - began < float(sys.argv[2]):
-    due = int((now - began) * 8000)
+    due = int((now - began) * rate)
     if number < due:
         port.write(b"".join(frames[n % len(frames)] for n in range(number, due)))
         number = due
