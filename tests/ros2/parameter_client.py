@@ -13,6 +13,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from std_srvs.srv import Trigger
 
 PATIENCE = 60.0  # seconds: a bound for slow machines, not an expectation
+LOOK_EVERY = 0.1  # seconds
 
 
 def main() -> None:
@@ -39,9 +40,18 @@ def main() -> None:
     while "if it is still meant" in called.message:  # the node was held up, and the call may have waited
         called = answer(caller.call_async(Trigger.Request()))
     print(json.dumps([called.success, called.message]))
-    (best_effort,) = node.get_publishers_info_by_topic("/axis/state")
-    print(json.dumps([best_effort.qos_profile.reliability.name, node.count_publishers("/axis/counters")]))
-    print(json.dumps([f"{namespace.rstrip('/')}/{name}" for name, namespace in node.get_node_names_and_namespaces()]))
+
+    def names() -> list[str]:
+        return [f"{namespace.rstrip('/')}/{name}" for name, namespace in node.get_node_names_and_namespaces()]
+
+    for _ in range(round(PATIENCE / LOOK_EVERY)):  # the graph becomes known step by step
+        publishers = node.get_publishers_info_by_topic("/axis/state")
+        counters = node.count_publishers("/axis/counters")
+        if publishers and counters and {"/axis", "/robot1/other"} <= set(names()):
+            break
+        rclpy.spin_once(node, timeout_sec=LOOK_EVERY)
+    print(json.dumps([[one.qos_profile.reliability.name for one in publishers], counters]))
+    print(json.dumps(names()))
     node.destroy_node()
     rclpy.shutdown()
 

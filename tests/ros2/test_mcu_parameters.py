@@ -140,5 +140,5 @@ def test_ros_sets_them_over_rclpy(axis: Axis, tmp_path: Path) -> None:
     assert "the MCU refused 11.0 for parameter travel: it is out of range" in refused[1]
     assert refused[2] == 0.5
     assert called == [True, "ok"]
-    assert topics == ["BEST_EFFORT", 1]
+    assert topics == [["BEST_EFFORT"], 1]
     assert {"/axis", "/robot1/other"} <= set(names)
