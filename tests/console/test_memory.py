@@ -1,5 +1,5 @@
-"""Memory stays as it is while messages come: the server's, less its history, and the page's. 8 000 a second in the long
-test; 1 000 in the short one, which other tests run beside."""
+"""Memory does not grow while messages arrive: neither the page's, nor the server's apart from its history. The long
+test sends 8 000 a second; the short one, which shares the machine with other tests, sends 1 000."""
 
 from __future__ import annotations
 

@@ -17,6 +17,7 @@ from tests.console.browser import Desk, desk, shows_the_robot, take_control, wit
 from tests.waiting import PATIENCE, let_pass, moments, wait_until
 from wirebond.link.attached import words
 from wirebond.seldom import EVERY
+from wirebond.server.command_log import Command
 from wirebond.server.control import ControlBook
 
 pytestmark = pytest.mark.live
@@ -73,6 +74,17 @@ def taking(page: Page) -> Locator:
 
 def in_control(page: Page) -> Locator:
     return page.get_by_text("You are in control")
+
+
+def second_click(button: Locator) -> None:
+    """What comes second in a double click; its first click was there before the button."""
+    button.hover()
+    button.page.mouse.down(click_count=2)
+    button.page.mouse.up(click_count=2)
+
+
+def releases(rover: Desk) -> list[Command]:
+    return [one for one in rover.server.log.commands() if one.do == "release_stop"]
 
 
 def said(page: Page) -> Locator:
@@ -239,12 +251,35 @@ def test_the_stop_of_another_program_is_released_by_a_second_press_that_names_it
         sure.click()
         expect(banner).to_have_count(0)
         assert not rover.link.stopped
-    done = [one for one in rover.server.log.commands() if one.do == "release_stop"][-1]
+    done = releases(rover)[-1]
     assert done.name.startswith("console ")
     told = {"en-US": f"{done.name} released the emergency stop by {name}", "zh-CN": f"{done.name} 解除了 {name} 的急停"}
     expect(page.locator("footer").get_by_text(told[locale])).to_be_visible()
     assert done.error == ""
     wait_until(lambda: f"{done.name} released the emergency stop by {name}" in caplog.text, lambda: caplog.text)
+
+
+def test_a_double_click_is_no_second_thought_whatever_its_first_click_put_there(rover: Desk) -> None:
+    page = rover.page("control")
+    shows_the_robot(page)
+    asked = sum(one.count for one in releases(rover))
+    with wirebond.open(f"wirebond://{rover.server.path}") as pad:
+        pad.emergency_stop()
+        banner = page.get_by_role("alert")
+        release = banner.get_by_role("button", name="Release the stop")
+        question = banner.get_by_role("button", name="Yes, release the stop by")
+        cancel = banner.get_by_role("button", name="Cancel")
+        release.click()
+        expect(question).to_be_visible()
+        second_click(cancel)
+        second_click(question)
+        assert question.is_visible()
+        cancel.click()
+        second_click(release)
+        release.click()
+        question.click()
+        expect(banner).to_have_count(0)
+    assert sum(one.count for one in releases(rover)) == asked + 3
 
 
 def test_the_question_stays_where_the_page_hears_only_later_who_stopped(rover: Desk) -> None:

@@ -34,6 +34,11 @@ class _Visitor:
     def is_gone(self) -> bool:
         return bool(self.transport.get_extra_info("socket").fileno() < 0)
 
+    def end(self) -> None:
+        """Close the connection, and the requests that wait with it."""
+        self.transport.abort()
+        self.ended.set()
+
 
 class Visitors:
     """:param guard: knows the token."""
@@ -93,7 +98,7 @@ class Visitors:
         delay = self._wrong.delay(visitor.key[0], time.monotonic(), is_right=is_right)
         if delay and not visitor.is_known:
             self._strangers.wait(visitor, makes_way=not self._wrong.is_short)
-            with suppress(TimeoutError):  # its request is over with it: the web server takes only so many
+            with suppress(TimeoutError):  # who has left gives up a place among the requests that the web server takes
                 await asyncio.wait_for(visitor.ended.wait(), delay)
                 return False
         if not is_right:
@@ -110,14 +115,13 @@ class Visitors:
     def _make_way(self, visitor: _Visitor) -> None:
         goes = self._strangers.enter(visitor)
         if goes is not None:
-            goes.transport.abort()
-            goes.ended.set()
+            goes.end()
 
     def _look(self, visitor: _Visitor) -> None:
         """Close what does nothing, and forget what is gone."""
         left = visitor.since + (_SERVED_WITHIN if visitor.serving else WITHIN) - time.monotonic()
         if visitor.is_gone or (left <= 0 and not visitor.is_known):
-            visitor.transport.abort()
+            visitor.end()
             self._strangers.leave(visitor)
             if self._all.get(visitor.key) is visitor:
                 del self._all[visitor.key]
