@@ -501,7 +501,7 @@ void Link::go_down(int code, std::uint64_t now_us) {
 }
 
 void Link::lose_port(std::uint64_t now_us) {
-  port_.reset();
+  posix::close_serial(port_);  // a connection has no lock to give back
   core_.port_down(now_us, why_);
   if (now_us - std::min(up_since_us_, now_us) > settled_after_us) open_wait_us_ = first_open_wait_us;
   look_again(now_us);
@@ -527,7 +527,7 @@ void Link::open_again(std::unique_lock<std::mutex>& lock, std::uint64_t now_us) 
   lock.unlock();
   posix::Descriptor port = opener_->open(stops_opening_, problem);
   lock.lock();
-  if (is_closing_) return;
+  if (is_closing_) return posix::close_serial(port);
   now_us = monotonic_us();
   if (!port.is_open()) {
     why_ = std::move(problem.sentence);

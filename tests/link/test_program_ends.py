@@ -402,3 +402,23 @@ def test_a_forked_child_does_not_keep_the_port(port: PtyPort) -> None:
     finally:
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
+
+
+def descriptors_of(path: str) -> set[int]:
+    return {int(one.name) for one in Path("/proc/self/fd").iterdir() if os.path.realpath(one) == path}
+
+
+@pytest.mark.usefixtures("ports")
+def test_a_child_that_has_not_begun_yet_does_not_keep_the_port_either(port: PtyPort) -> None:
+    """What it has is a copy of each descriptor."""
+    before = descriptors_of(port.path)
+    link = wirebond.open(manipulator(), port.path)
+    (descriptor,) = descriptors_of(port.path) - before
+    copy = os.dup(descriptor)
+    try:
+        with pytest.raises(wirebond.PortError, match="is in use by another program"):
+            wirebond.open(manipulator(), port.path)
+        link.close()
+        wirebond.open(manipulator(), port.path).close()
+    finally:
+        os.close(copy)

@@ -107,6 +107,8 @@ class PyserialPort:
     def close(self) -> None:
         """See ``PythonPort``."""
         with contextlib.suppress(OSError):
+            _unlock(self._port)
+        with contextlib.suppress(OSError):
             self._port.close()
 
     def leave_to_parent(self) -> None:
@@ -369,6 +371,15 @@ def _low_latency(descriptor: int) -> bool | None:
     except OSError:
         return None
     return bool(struct.unpack_from("=i", raw, 16)[0] & _ASYNC_LOW_LATENCY)
+
+
+def _unlock(port: Any) -> None:
+    """End the lock of pyserial's "exclusive" at once. A process that was just forked has a copy of the descriptor until
+    it runs another program, and with it the lock."""
+    if os.name != "nt":
+        import fcntl  # noqa: PLC0415
+
+        fcntl.flock(port.fileno(), fcntl.LOCK_UN)
 
 
 class _LatencyTimer:

@@ -132,4 +132,11 @@ inline Descriptor open_serial(const std::string& path, const SerialSettings& set
   return fd;
 }
 
+/// Close what `open_serial` returned, so that it can be opened again at once. A process that was just forked has a copy
+/// of the descriptor until it runs another program, and with it the lock.
+inline void close_serial(Descriptor& fd) {
+  if (fd.is_open()) static_cast<void>(::flock(fd.get(), LOCK_UN));
+  fd.reset();
+}
+
 }  // namespace wirebond::posix
