@@ -15,6 +15,7 @@ from tests.link.protocol import manipulator, without_deadlines
 from tests.shared import ROOT
 from tests.waiting import PATIENCE, Stopwatch, let_pass, wait_until
 from wirebond import DeadlineEvent, LinkDownError, Message, UsageError
+from wirebond.link import ending
 from wirebond.protocol import loads
 
 pytestmark = [pytest.mark.live, pytest.mark.usefixtures("links")]
@@ -250,7 +251,8 @@ def test_a_removed_handler_is_not_called_and_its_messages_are_for_the_loop() -> 
             link.off(slow)
 
 
-def test_close_gives_handlers_what_had_come() -> None:
+def test_close_gives_handlers_what_had_come(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ending, "HANDLERS_PATIENCE", PATIENCE)
     seen: list[int] = []
 
     def slow(message: Message) -> None:

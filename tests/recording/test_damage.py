@@ -26,9 +26,10 @@ from tests.waiting import PATIENCE, let_pass, wait_until
 from wirebond import recording as recordings
 from wirebond.cli.main import main
 from wirebond.errors import WirebondError
-from wirebond.link.tap import Chunk
+from wirebond.link.tap import Chunk, LinkEvent
 from wirebond.recording.closing import close_recording
 from wirebond.recording.mcap_file import CHUNK, DATA_END, HEAD, MAGIC
+from wirebond.recording.writer import RecordingWriter
 
 pytestmark = pytest.mark.live
 
@@ -387,6 +388,21 @@ def test_a_disk_that_does_not_keep_what_was_written_is_reported_at_once(
     assert [record.message for record in caplog.records if "ended early" in record.message] == [recorder.error]
     assert len(calls) == safe_times + 1  # the system says it once: a later success would prove nothing
     assert "lap" in [event.kind for event in recordings.open(path).events]
+
+
+def test_the_disk_is_waited_for_only_where_something_is_new(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[int] = []
+    monkeypatch.setattr(os, "fdatasync", calls.append)
+    writer = RecordingWriter(tmp_path / "run.mcap", codec("diffdrive"), "host", 0.0, 0, {})
+    writer.flush()
+    writer.sync()
+    writer.sync()
+    assert len(calls) == 1
+    writer.add(LinkEvent(1.0, "lap", {}))
+    writer.flush()
+    writer.sync()
+    assert (len(calls), writer.safe_size) == (2, writer.size)
+    writer.close()
 
 
 def test_record_says_what_is_not_safe_on_the_disk(

@@ -275,16 +275,26 @@ def pose_of_body(robot: rover.RoverProcess) -> list[float]:
 
 
 def test_ros_sees_a_node_with_its_topics_and_the_hashes_of_their_types(peer: Peer, topics: dict[str, str]) -> None:
-    info = peer.wait(lambda: peer.seen["discovery"])[-1]
-    (node,) = info.node_entities_info_seq
-    assert (node.node_namespace, node.node_name) == ("/", "diffdrive")
-    writers = [bytes(gid.data) for gid in node.writer_gid_seq]
-    found = {}
-    for endpoint in peer.publications.take(100):
-        if bytes(endpoint.participant_key.bytes) == bytes(info.gid.data):
-            data = next((policy.data for policy in endpoint.qos if type(policy).__name__ == "Userdata"), b"")
-            found[endpoint.topic_name] = endpoint.type_name, data
-            assert endpoint.topic_name == "ros_discovery_info" or endpoint.key.bytes in writers
+    def of_the_bridge() -> list[Any]:
+        """What it said; ROS forgets the bridges that tests have killed only after a while."""
+        told = [one for one in peer.seen["discovery"] if len(one.node_entities_info_seq) == 1]
+        nodes = [(one.node_entities_info_seq[0], bytes(one.gid.data)) for one in told]
+        return [one for one in nodes if (one[0].node_namespace, one[0].node_name) == ("/", "diffdrive")]
+
+    _, participant = peer.wait(of_the_bridge)[-1]
+    found, keys = {}, {}
+
+    def are_known() -> bool:
+        for endpoint in peer.publications.take(100):
+            if bytes(endpoint.participant_key.bytes) == participant:
+                data = next((policy.data for policy in endpoint.qos if type(policy).__name__ == "Userdata"), b"")
+                found[endpoint.topic_name] = endpoint.type_name, data
+                keys[endpoint.topic_name] = endpoint.key.bytes
+        return found.keys() >= {"ros_discovery_info", *(f"rt{topic}" for topic in topics | LATCHED)}
+
+    peer.wait(are_known)
+    del keys["ros_discovery_info"]
+    peer.wait(lambda: {*keys.values()} <= {bytes(gid.data) for gid in of_the_bridge()[-1][0].writer_gid_seq})
     told = ros_type("rmw_dds_common/ParticipantEntitiesInfo")
     assert told is not None
     assert found["ros_discovery_info"] == (told.dds_name, f"typehash={told.hash};".encode())
@@ -459,25 +469,24 @@ def test_services_answer_programs_over_rmw_cyclonedds(peer: Peer) -> None:
 
 @pytest.mark.parametrize("adapter", ["dds"], indirect=True)
 def test_square_driven_by_topic_has_the_pose_of_the_body(driving: Peer, robot: rover.RoverProcess) -> None:
-    """Odometry has the ticks since the one before, so that the pose is wrong by what a stall of the machine loses."""
+    """Odometry has the ticks since the one before, so that the pose is wrong by what a stall of the machine loses; then
+    the robot drives that side again."""
 
-    def drives_a_square() -> bool:
-        """True if it turned all the way round, and odometry and body agree to 1 % of the path and 1 degree."""
+    def drives_a_side() -> bool:
+        """True if it made the turn, and odometry and body agree to 1 % of the path and 1 degree."""
         first, body = stand_still(driving).pose.pose, pose_of_body(robot)
-        path = 0.0
-        for _ in range(4):
-            for linear, angular, seconds in ((0.8, 0.0, 0.75), (0.0, math.pi / 2, 1.0)):
-                drive(driving, linear, angular, seconds)
-                path += linear * seconds
+        drive(driving, 0.8, 0.0, 0.75)
+        drive(driving, 0.0, math.pi / 2, 1.0)
         last, moved = stand_still(driving).pose.pose, pose_of_body(robot)
         # Both began at their own zero; the bridge's began later. Compare in the frame of the start.
         told = seen_from((first.position.x, first.position.y, heading(first.orientation)), last)
         true = seen_from((body[0], body[1], body[2]), moved)
-        is_near = math.dist(told[:2], true[:2]) < 0.01 * path
+        is_near = math.dist(told[:2], true[:2]) < 0.01 * 0.8 * 0.75
         is_along = abs(math.remainder(told[2] - true[2], 2 * math.pi)) < math.radians(1)
-        return abs(true[2]) > 5 and is_near and is_along
+        return abs(true[2]) > 1.25 and is_near and is_along
 
-    wait_until(drives_a_square, "a square whose pose is that of the body")
+    for side in range(1, 5):
+        wait_until(drives_a_side, f"side {side} of a square, with a pose that is that of the body")
 
 
 def seen_from(start: tuple[float, float, float], end: Any) -> tuple[float, float, float]:

@@ -135,6 +135,8 @@ class RecordingWriter:
         :raises OSError: the disk does not have it. The system forgets such an error: later calls say nothing of it.
         """
         size, last_us = self.size, self._flushed_us
+        if size == self.safe_size:
+            return
         try:
             getattr(os, "fdatasync", os.fsync)(self._file)
             if self.safe_size == 0:
