@@ -87,14 +87,19 @@ def test_frames_and_what_lies_between_them_are_shown_and_explained(desk: Desk) -
 
 
 def test_events_come_once_each_and_all_to_who_comes_later(desk: Desk) -> None:
+    """The machine's pauses add events of the link."""
+
+    def marks(said: dict[str, Any]) -> list[str]:
+        return [event["text"] for event in said["events"] if event["kind"] == "mark"]
+
     with desk.look(events=True) as socket:
-        first = view(socket, "events")
-        assert first["replace"] is True
-        desk.server.recordings.mark("look here")
-        told = view(socket, "events", lambda said: any(e["kind"] == "mark" for e in said["events"]))
-        assert told["replace"] is False and [e["text"] for e in told["events"]] == ["look here"]
+        assert view(socket, "events")["replace"] is True
+        for text in ("look here", "and here"):
+            desk.server.recordings.mark(text)
+            told = view(socket, "events", marks)
+            assert (told["replace"], marks(told)) == (False, [text])
     with desk.look(events=True) as socket:
-        assert view(socket, "events")["events"][-1]["text"] == "look here"
+        assert marks(view(socket, "events")) == ["look here", "and here"]
 
 
 def test_a_plot_gets_what_is_new_and_ends_with_every_sample(desk: Desk) -> None:
