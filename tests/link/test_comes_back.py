@@ -13,7 +13,7 @@ import pytest
 
 import wirebond
 import wirebond.link.settings
-from tests.link.protocol import manipulator
+from tests.link.protocol import manipulator, without_deadlines
 from tests.shared import account_closes, few_or_many
 from tests.waiting import let_pass, wait_until
 from wirebond import LinkDownError, PortError, QueueFullError
@@ -130,8 +130,7 @@ def test_it_always_comes_back_and_sends_nothing_of_before(
     name[0].symlink_to(device.plug_in())
     device.start()
     away = 0
-    # A viewer's link: else the deadline that strikes while the port is away would hold the poses back.
-    opened = wirebond.open(manipulator(), "usb:1a86:55d3", 2_000_000, hold_back=False)
+    opened = wirebond.open(without_deadlines(), "usb:1a86:55d3", 2_000_000)
     with opened as link, Writer(link) as writer:
         for event in range(number):
             wait(lambda: len(device.heard) > 5 and link.state == "up", link, event)

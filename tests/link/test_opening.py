@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import wirebond
-from tests.link.protocol import manipulator
+from tests.link.protocol import manipulator, without_deadlines
 from tests.shared import account_closes
 from tests.waiting import PATIENCE, wait_until
 from wirebond import LinkDownError, PortError, UsageError
@@ -79,7 +79,7 @@ def read(connection: socket.socket, size: int) -> bytes:
 
 def test_frames_go_both_ways_over_tcp_and_the_link_comes_back(server: Server) -> None:
     # A pause of the machine is silence, too, and would hold the next pose back.
-    with wirebond.open(manipulator(), server.name, hold_back=False) as link:
+    with wirebond.open(without_deadlines(), server.name) as link:
         connection = server.accept()
         connection.sendall(POSE)
         assert first(link).fields == {"x": 7}
@@ -108,8 +108,8 @@ def test_frames_go_both_ways_over_tcp_and_the_link_comes_back(server: Server) ->
 def test_a_server_that_is_not_there_is_told_and_waited_for(server: Server) -> None:
     server.close()
     with pytest.raises(PortError, match="; start the server there, or check"):
-        wirebond.open(manipulator(), server.name)
-    with wirebond.open(manipulator(), server.name, wait_for_port=True) as link:
+        wirebond.open(without_deadlines(), server.name)
+    with wirebond.open(without_deadlines(), server.name, wait_for_port=True) as link:
         assert link.state == "down"
         server.listen_again()
         server.accept().sendall(POSE)
@@ -119,7 +119,7 @@ def test_a_server_that_is_not_there_is_told_and_waited_for(server: Server) -> No
 
 def test_close_does_not_wait_for_a_server_that_does_not_answer(server: Server) -> None:
     """The listener's backlog is full, so that nothing answers the link's next try."""
-    link = wirebond.open(manipulator(), server.name, wait_for_port=True)
+    link = wirebond.open(without_deadlines(), server.name, wait_for_port=True)
     held = server.accept()
     others = []
     for _ in range(3):
@@ -155,7 +155,7 @@ def test_close_does_not_wait_for_a_server_that_does_not_answer(server: Server) -
 )
 def test_a_name_that_is_no_port_is_told(name: str, sentence: str) -> None:
     with pytest.raises(UsageError, match=sentence):
-        wirebond.open(manipulator(), name)
+        wirebond.open(without_deadlines(), name)
 
 
 # ---- ttys
@@ -165,8 +165,8 @@ def test_a_tty_that_is_not_there_yet_is_found_when_it_appears(tmp_path: Path, pt
     """Also where not even its folder is there, as /dev/serial/by-id before the first device."""
     name = tmp_path / "serial" / "by-id" / "arm"
     with pytest.raises(PortError, match="there is no port"):
-        wirebond.open(manipulator(), name)
-    with wirebond.open(manipulator(), name, wait_for_port=True) as link:
+        wirebond.open(without_deadlines(), name)
+    with wirebond.open(without_deadlines(), name, wait_for_port=True) as link:
         assert link.state == "down"
         assert link.why.startswith(f"there is no port {name}; plug it in")
         with pytest.raises(LinkDownError, match="arm was not sent: there is no port"):
@@ -188,7 +188,7 @@ def test_a_usb_device_is_found_again_under_another_name(monkeypatch: pytest.Monk
         return where[0]
 
     monkeypatch.setattr("wirebond.link.devices.port_name.resolve", find)
-    with wirebond.open(manipulator(), "usb:1a86:55d3", hold_back=False) as link:
+    with wirebond.open(without_deadlines(), "usb:1a86:55d3") as link:
         pty.write(POSE)
         assert first(link).name == "pose"
         where.clear()
@@ -202,18 +202,18 @@ def test_a_usb_device_is_found_again_under_another_name(monkeypatch: pytest.Monk
         assert first(link).name == "pose"
     where.clear()
     with pytest.raises(PortError, match="no USB serial port is usb:1a86:55d3 at the moment; plug it in") as error:
-        wirebond.open(manipulator(), "usb:1a86:55d3")
+        wirebond.open(without_deadlines(), "usb:1a86:55d3")
     assert error.value.errno == errno.ENOENT
 
 
 def test_a_usb_name_that_is_misspelt_is_told() -> None:
     with pytest.raises(UsageError, match="the vendor '0x1a8' is not four hex digits"):
-        wirebond.open(manipulator(), "usb:0x1a8:55d3", wait_for_port=True)
+        wirebond.open(without_deadlines(), "usb:0x1a8:55d3", wait_for_port=True)
 
 
 def test_a_busy_tty_is_waited_for(pty: PtyPort) -> None:
-    owner = wirebond.open(manipulator(), pty.path)
-    with wirebond.open(manipulator(), pty.path, wait_for_port=True) as link:
+    owner = wirebond.open(without_deadlines(), pty.path)
+    with wirebond.open(without_deadlines(), pty.path, wait_for_port=True) as link:
         assert "in use by another program" in link.why
         owner.close()
         wait(link, lambda: link.state != "down")
@@ -222,7 +222,7 @@ def test_a_busy_tty_is_waited_for(pty: PtyPort) -> None:
 def test_a_port_that_goes_away_says_why(tmp_path: Path) -> None:
     pty, name = PtyPort(), tmp_path / "tty"
     name.symlink_to(pty.path)
-    with wirebond.open(manipulator(), name) as link:
+    with wirebond.open(without_deadlines(), name) as link:
         name.unlink()
         pty.close()
         wait(link, lambda: link.state == "down")

@@ -198,12 +198,12 @@ def test_hello_is_answered_and_another_file_of_the_host_is_told() -> None:
 
 def test_a_dump_names_the_frames_of_both_directions() -> None:
     with both(ROVER) as (host, mcu):
-        host.send("velocity", linear=0.5, angular=0)
-        assert mcu.receive(PATIENCE)[0].name == "velocity"
+        host.send("status_query")
+        assert mcu.receive(PATIENCE)[0].name == "status_query"
         mcu.send("odometry", left_ticks=1, right_ticks=2)
         wait_until(lambda: mcu.stats.send.sent == 1, "the odometry leaves")
         frames = [(e.direction, e.message and e.message.name) for e in mcu.dump().entries if e.kind == "frame"]
-        assert frames == [("received", "velocity"), ("sent", "odometry")]
+        assert frames == [("received", "status_query"), ("sent", "odometry")]
 
 
 def test_what_both_ends_send_is_framed_as_the_mcus() -> None:

@@ -7,7 +7,7 @@ import os
 import pytest
 
 import wirebond
-from tests.link.protocol import manipulator
+from tests.link.protocol import manipulator, without_deadlines
 from tests.waiting import PATIENCE, wait_until
 from wirebond import _engine
 from wirebond.errors import UsageError
@@ -150,7 +150,7 @@ def test_a_tap_that_is_opened_late_learns_how_the_link_stands() -> None:
 
 @pytest.mark.usefixtures("ports")
 def test_a_link_is_tapped_while_it_runs() -> None:
-    codec = manipulator()
+    codec = without_deadlines()
     far = PtyPort()
     with wirebond.open(codec, far.path) as link:
         tap = link.tap()

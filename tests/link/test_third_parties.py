@@ -17,7 +17,7 @@ import pytest
 from serial.rfc2217 import PortManager
 
 import wirebond
-from tests.link.protocol import manipulator
+from tests.link.protocol import manipulator, without_deadlines
 from tests.shared import account_closes
 from tests.waiting import PATIENCE, moments, wait_until
 from wirebond import PortError
@@ -119,7 +119,7 @@ def test_messages_go_both_ways_and_it_comes_back_when_the_server_does(
     served: Served, device: Callable[[], PtyPort]
 ) -> None:
     far = device()
-    with wirebond.open(manipulator(), served.name, wait_for_port=True, hold_back=False) as link:
+    with wirebond.open(without_deadlines(), served.name, wait_for_port=True) as link:
         both_ways(link, far)
         served.program.kill()
         wait(link, lambda: link.state == "down")
@@ -131,7 +131,7 @@ def test_messages_go_both_ways_and_it_comes_back_when_the_server_does(
 
 def test_it_comes_back_when_the_device_behind_the_server_does(served: Served, device: Callable[[], PtyPort]) -> None:
     far = device()
-    with wirebond.open(manipulator(), served.name, wait_for_port=True, hold_back=False) as link:
+    with wirebond.open(without_deadlines(), served.name, wait_for_port=True) as link:
         both_ways(link, far)
         far.close()
         wait(link, lambda: link.state == "down")
@@ -160,7 +160,7 @@ def test_a_server_without_rfc_2217_is_told(monkeypatch: pytest.MonkeyPatch) -> N
     with socket.create_server(("127.0.0.1", 0)) as server:
         number = server.getsockname()[1]
         with pytest.raises(PortError, match=f"is no RFC 2217 server.* name it tcp://127.0.0.1:{number}"):
-            wirebond.open(manipulator(), f"rfc2217://127.0.0.1:{number}")
+            wirebond.open(without_deadlines(), f"rfc2217://127.0.0.1:{number}")
 
 
 def test_a_server_that_is_not_there_or_is_in_use_is_told() -> None:
@@ -173,12 +173,12 @@ def test_a_server_that_is_not_there_or_is_in_use_is_told() -> None:
         thread = threading.Thread(target=hang_up)
         thread.start()
         with pytest.raises(PortError, match="closed the connection at once; its serial port may be away, or in use"):
-            wirebond.open(manipulator(), name)
+            wirebond.open(without_deadlines(), name)
         thread.join()
     with pytest.raises(PortError, match=f"nothing listens at {name}; start the server there"):
-        wirebond.open(manipulator(), name)
+        wirebond.open(without_deadlines(), name)
     with pytest.raises(PortError, match=r"the name of rfc2217://robot\.invalid:5000 cannot be found"):
-        wirebond.open(manipulator(), "rfc2217://robot.invalid:5000")
+        wirebond.open(without_deadlines(), "rfc2217://robot.invalid:5000")
 
 
 class Uart:
@@ -231,7 +231,7 @@ def test_a_pty_pair_of_socat_carries_a_link_and_may_be_made_again(tmp_path: Path
     host, mcu = tmp_path / "host", tmp_path / "mcu"
     socat = Program("socat", f"pty,raw,echo=0,link={host}", f"pty,raw,echo=0,link={mcu}")
     try:
-        with wirebond.open(manipulator(), host, wait_for_port=True, hold_back=False) as link:
+        with wirebond.open(without_deadlines(), host, wait_for_port=True) as link:
             for number in range(2):
                 wait(link, lambda: link.state != "down" and mcu.exists())
                 far = os.open(mcu, os.O_RDWR | os.O_NOCTTY)
@@ -256,7 +256,7 @@ def test_socat_gives_a_tty_to_the_network(device: Callable[[], PtyPort], tmp_pat
     number = free_port()
     socat = Program("socat", f"tcp-listen:{number},bind=127.0.0.1,reuseaddr", f"{tmp_path / 'tty'},raw,echo=0")
     try:
-        with wirebond.open(manipulator(), f"tcp://127.0.0.1:{number}", wait_for_port=True) as link:
+        with wirebond.open(without_deadlines(), f"tcp://127.0.0.1:{number}", wait_for_port=True) as link:
             both_ways(link, far)
     finally:
         socat.kill()

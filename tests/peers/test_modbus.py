@@ -14,6 +14,7 @@ from typing import TypeVar
 import minimalmodbus
 import pytest
 import serial
+from pymodbus import FramerType
 from pymodbus.client import ModbusSerialClient
 from pymodbus.datastore import ModbusDeviceContext, ModbusSequentialDataBlock, ModbusServerContext
 from pymodbus.exceptions import ModbusIOException
@@ -101,18 +102,20 @@ def test_minimalmodbus_reads_and_writes_the_registers_of_a_firmware(slave: str) 
             asked_again(partial(master.read_register, 100))
 
 
-@pytest.fixture(scope="module")
-def simulated() -> Iterator[str]:
-    """What `wirebond sim` opens for the device with the address 1."""
-    command = [sys.executable, "-m", "wirebond.cli.main", "sim", str(CONTRIB / "modbus_rtu.yaml"), "--address", "1"]
+@pytest.fixture(scope="module", params=["rtu", "ascii"])
+def simulated(request: pytest.FixtureRequest) -> Iterator[tuple[str, str]]:
+    """What `wirebond sim` opens for the device with the address 1, and the form of its frames."""
+    file = CONTRIB / f"modbus_{request.param}.yaml"
+    command = [sys.executable, "-m", "wirebond.cli.main", "sim", str(file), "--address", "1"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
-        yield process.stdout.readline().split()[-1]
+        yield process.stdout.readline().split()[-1], request.param
         process.terminate()
 
 
-def test_pymodbus_is_the_master_of_a_simulated_device(simulated: str) -> None:
-    with ModbusSerialClient(simulated, baudrate=19200, timeout=PATIENCE, retries=0) as master:
+def test_pymodbus_is_the_master_of_a_simulated_device(simulated: tuple[str, str]) -> None:
+    path, form = simulated
+    with ModbusSerialClient(path, framer=FramerType(form), baudrate=19200, timeout=PATIENCE, retries=0) as master:
         for count in (1, 2, 7, 125):
             read = master.read_holding_registers(10, count=count, device_id=1)
             assert not read.isError()
@@ -123,9 +126,10 @@ def test_pymodbus_is_the_master_of_a_simulated_device(simulated: str) -> None:
         assert (many.address, many.count) == (30, 123)
 
 
-def test_minimalmodbus_is_the_master_of_a_simulated_device(simulated: str) -> None:
-    with serial.Serial(simulated, 19200, timeout=PATIENCE) as port:
-        master = minimalmodbus.Instrument(port, 1)
+def test_minimalmodbus_is_the_master_of_a_simulated_device(simulated: tuple[str, str]) -> None:
+    path, form = simulated
+    with serial.Serial(path, 19200, timeout=PATIENCE) as port:
+        master = minimalmodbus.Instrument(port, 1, mode=form)
         for count in (1, 2, 60):
             assert len(master.read_registers(60, count)) == count
         assert 0 <= master.read_register(7) < 65536
