@@ -74,6 +74,7 @@ def test_requests_are_answered_and_messages_go_both_ways() -> None:
         assert speeds[0] == 0.5
         mcu.repeat("odometry", hold=5, left_ticks=3, right_ticks=-3)  # its schedule, as a host's
         wait_until(lambda: host.stats.receive.messages.get("odometry", 0) >= 3, "odometry at its rhythm")
+        wait_until(lambda: host.latest("odometry") is not None, "it is not only at the server")
         newest = host.latest("odometry")
         assert newest is not None
         assert newest.message.fields == {"left_ticks": 3, "right_ticks": -3}
