@@ -4,8 +4,7 @@
 
 A timed test that fails gets another chance only where the machine stalled for longer than the test tolerates: it is
 repeated at most three times. If the machine stalled each time, the test is not judged; that fails the run only with
-STRICT=1. Another test that fails is repeated once, alone, and listed: it depends on what runs beside it, which is a
-defect to be found. CONTRIBUTING.md has the reasons.
+STRICT=1. Any other test that fails has failed. CONTRIBUTING.md has the reasons.
 """
 
 from __future__ import annotations
@@ -25,7 +24,6 @@ from tests.runner.results import Result, read_results
 ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT / "build" / "test-results.json"
 MOST_REPEATS = 3
-MOST_REPEATED = 10  # more failures than these are no accident
 SLOWEST = 10
 LONGEST_PROOF = 7200  # seconds
 PASSED, FAILED, NO_TESTS = 0, 1, 5  # exit codes of pytest
@@ -108,10 +106,6 @@ def run(workers: int, with_long: bool, is_strict: bool) -> int:
     for result in timed:
         judge(result, repeat_alone, verdicts)
 
-    first = [result.name for result in results if not result.has_passed]
-    twice = first if len(first) > MOST_REPEATED else [name for name in first if not repeat_alone(name).has_passed]
-    beside = [name for name in first if name not in twice]
-
     every = [*results, *timed]
     slowest = sorted(every, key=lambda result: result.seconds, reverse=True)[:SLOWEST]
     show("the slowest tests", [f"{result.seconds:6.1f} s  {result.name}" for result in slowest])
@@ -120,15 +114,14 @@ def run(workers: int, with_long: bool, is_strict: bool) -> int:
         f"{name}: this machine stalls for {stall * 1000:.0f} ms or longer" for name, stall in verdicts.unjudged.items()
     ]
     show("not judged" + (", which STRICT=1 counts as failed" if is_strict else ""), unjudged)
-    show("failed, and passed alone: find the cause", beside)
-    failed = twice + verdicts.failed
+    failed = [result.name for result in results if not result.has_passed] + verdicts.failed
     show("failed", failed)
     skipped = sum(result.is_skipped for result in every)
     counts = {
         "passed": len(every) - skipped - len(failed) - len(unjudged),
         "failed": len(failed),
         "skipped": skipped,
-        "repeated": len(verdicts.calm) + len(beside),
+        "repeated": len(verdicts.calm),
         "not judged": len(unjudged),
     }
     told = ", ".join(f"{count} {what}" for what, count in counts.items() if count or what in ("passed", "failed"))
