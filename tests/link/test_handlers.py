@@ -45,21 +45,21 @@ def all_came(link: wirebond.Link, name: str, last: int) -> None:
 
 @pytest.mark.parametrize("has_thread", [False, True])
 def test_the_newest_message_is_there_and_stays_in_the_loop(has_thread: bool) -> None:
-    with linked(ARM, hold_back=False) as (link, mcu):
+    with linked(TWO) as (link, mcu):
         if has_thread:
-            link.on_deadline("warn")(lambda _: None)
-        assert link.latest("pose") is None
+            link.on("other")(lambda _: None)
+        assert link.latest("one") is None
         watch = Stopwatch()
-        mcu.send("pose", x=1)
-        mcu.send("pose", x=2)
-        wait_until(lambda: (pose := link.latest("pose")) and pose.message["x"] == 2, "the newest")
-        pose = link.latest("pose")
-        assert pose is not None
-        assert pose.t == pose.message.t
-        assert 0 <= pose.age <= watch.seconds
-        assert [m["x"] for m in link.receive()] == [1, 2]
-        assert (again := link.latest("pose")) is not None
-        assert again.message["x"] == 2
+        mcu.send("one", n=1)
+        mcu.send("one", n=2)
+        all_came(link, "one", last=2)
+        one = link.latest("one")
+        assert one is not None
+        assert one.t == one.message.t
+        assert 0 <= one.age <= watch.seconds
+        assert [m["n"] for m in link.receive()] == [1, 2]
+        assert (again := link.latest("one")) is not None
+        assert again.message["n"] == 2
 
 
 def test_the_newest_is_known_also_where_a_loop_took_it() -> None:
