@@ -142,8 +142,6 @@ def test_a_simulation_says_hello_as_well() -> None:
 
 def test_the_clock_of_a_firmware_is_followed_within_its_bound(firmware: FirmwareProcess) -> None:
     with wirebond.open(AXIS, firmware.port) as link:
-        with pytest.raises(wirebond.UsageError, match="not known yet"):
-            link.host_time(0)
         wait_until(lambda: link.clock is not None and link.clock.exchanges >= 6, "six exchanges")
         for _ in range(20):
             (*_, newest) = link.receive(PATIENCE)

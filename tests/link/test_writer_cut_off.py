@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -14,6 +13,7 @@ import pytest
 import wirebond
 from tests.link.protocol import manipulator
 from tests.shared import ROOT
+from tests.suspended import Suspended
 from tests.waiting import let_pass, moments, rounds_for, wait_until
 from wirebond.sim.pty_port import PtyPort
 
@@ -94,10 +94,9 @@ def writer(line: Line, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
 
 
 def test_a_stopped_writer_that_goes_on_sends_the_safe_value(line: Line, writer: subprocess.Popen[str]) -> None:
-    writer.send_signal(signal.SIGSTOP)
-    line.hear_for(HOLD + 0.1)
-    had_left = len(line.speeds)  # also the safe value, where the lease ended before the signal
-    writer.send_signal(signal.SIGCONT)
+    with Suspended(writer.pid):
+        line.hear_for(HOLD + 0.1)
+        had_left = len(line.speeds)  # also the safe value, where the lease ended before the signal
     line.hear_until(SAFE)
     line.hear_for(0.1)
     assert FAST not in line.speeds[had_left:]

@@ -6,7 +6,6 @@ import errno
 import json
 import os
 import random
-import signal
 import socket
 import struct
 import subprocess
@@ -23,6 +22,7 @@ import pytest
 import wirebond
 from tests.server.conftest import Served
 from tests.shared import PROTOCOLS, ROOT, account_closes, few_or_many
+from tests.suspended import Suspended
 from tests.waiting import PATIENCE, wait_until
 from wirebond import LinkDownError, NotInControlError, PortError, UsageError
 from wirebond.link.attached import words
@@ -110,15 +110,15 @@ def test_one_stopped_and_one_killed_client_harm_nobody(number: int, served: Serv
     links = [served.attach() for _ in range(number)]
     try:
         odometry(served, 0, 50)
-        stopped.send_signal(signal.SIGSTOP)
         killed.kill()
-        for n in range(50, 2000, 50):
-            odometry(served, n, 50)
-            wait_until(lambda n=n: served.link.stats.receive.frames >= n + 50)
-        for link in links:
-            assert take(link, 2000) == list(range(2000))
-            assert link.stats.dropped_messages == 0
-        wait_until(lambda: served.server.client_count == number + 1, "the killed one is gone")
+        with Suspended(stopped.pid):
+            for n in range(50, 2000, 50):
+                odometry(served, n, 50)
+                wait_until(lambda n=n: served.link.stats.receive.frames >= n + 50)
+            for link in links:
+                assert take(link, 2000) == list(range(2000))
+                assert link.stats.dropped_messages == 0
+            wait_until(lambda: served.server.client_count == number + 1, "the killed one is gone")
         assert account_closes(served.link.stats.receive)
     finally:
         for link in links:

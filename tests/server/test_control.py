@@ -8,6 +8,7 @@ import signal
 import socket
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ import wirebond
 from tests.relay import Relay
 from tests.server.conftest import Served, Writer
 from tests.shared import codec
+from tests.suspended import Suspended
 from tests.waiting import PATIENCE, let_pass, rounds_for, wait_until
 from wirebond import NotInControlError, StoppedError
 from wirebond.link.attached import words
@@ -152,12 +154,14 @@ def test_a_program_that_is_killed_or_stopped_cannot_leave_the_robot_driving(
 ) -> None:
     writer = start_writer(how)
     found = served.sent(0.1)
-    writer.process.send_signal(end)
-    # How soon: `test_silence_ends_control_within_its_time`, in virtual time. A pause of the machine is a silence, too.
-    served.sent_until(lambda after: SAFE in speeds(found + after))
-    assert speeds(served.sent(0.3)) == []
-    if end == signal.SIGSTOP:
-        writer.process.send_signal(signal.SIGCONT)
+    is_stopped = end == signal.SIGSTOP
+    with Suspended(writer.process.pid) if is_stopped else nullcontext():
+        if not is_stopped:
+            writer.process.kill()
+        # How soon: `test_silence_ends_control_within_its_time`, in virtual time. A machine's pause is a silence, too.
+        served.sent_until(lambda after: SAFE in speeds(found + after))
+        assert speeds(served.sent(0.3)) == []
+    if is_stopped:
         while (said := writer.line()) != "NotInControlError":  # it does not drive on
             assert said == "LateCommandError"
         assert set(speeds(served.sent(0.1))) <= {SAFE}
