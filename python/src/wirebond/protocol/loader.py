@@ -24,6 +24,7 @@ from wirebond.protocol.model import ByteOrder, End, LinkSettings, Mismatch, Pari
 from wirebond.protocol.problems import Problems
 from wirebond.protocol.text import yaml_tree
 from wirebond.protocol.text.grammar import File, Link
+from wirebond.protocol.text.short_forms import written_out
 from wirebond.protocol.text.syntax import readable, validate_syntax
 from wirebond.protocol.text.yaml_tree import Mapping, Node, Scalar
 
@@ -39,7 +40,7 @@ def load(path: str | os.PathLike[str]) -> Protocol:
 def loads(text: str, path: str = "<text>") -> Protocol:
     """As `load`, from text; ``path`` is the name that errors give it."""
     problems = Problems(path)
-    root = yaml_tree.parse(text, problems)
+    root = written_out(yaml_tree.parse(text, problems))
     validate_syntax(root, problems)
     protocol = _read(root, path, problems) if isinstance(root, Mapping) else None
     problems.raise_if_any()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from wirebond.errors import ProtocolFileError
 from wirebond.protocol.problems import WHOLE_FILE, Place, Problems
 from wirebond.protocol.text import yaml_tree
+from wirebond.protocol.text.short_forms import written_out
 from wirebond.protocol.text.yaml_tree import Mapping, Node, Sequence
 
 
@@ -18,7 +19,7 @@ class Places:
     def of_text(cls, text: str) -> Places:
         """The places of a protocol that was read from this text."""
         try:
-            return cls(yaml_tree.parse(text, Problems("")))
+            return cls(written_out(yaml_tree.parse(text, Problems(""))))
         except ProtocolFileError:
             return cls()
 

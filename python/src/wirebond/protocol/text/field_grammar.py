@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 
 from wirebond.protocol import names
 from wirebond.protocol.problems import quoted
-from wirebond.protocol.text.field_types import BitType, ContainerType, FieldType
+from wirebond.protocol.text.field_types import BitType, ContainerType, FieldType, TypeWord
 from wirebond.protocol.text.scalars import (
     BitNumber,
     Bool,
@@ -24,6 +24,7 @@ from wirebond.protocol.text.scalars import (
     Text,
     WireInteger,
     describe,
+    in_schema,
     one_word,
     whole,
     wrong,
@@ -146,6 +147,7 @@ class PlainSyntax(ValueSyntax):
     """A value that begins and ends with a byte, or an array of values."""
 
     noun = "a field"
+    short = "a type, such as `u16`, or "
 
     type: FieldType = Field(
         description="Type on the wire; `le` or `be` behind a number's type sets its byte order. u1 to u64, i2 to "
@@ -198,15 +200,32 @@ class PlainSyntax(ValueSyntax):
         return super()._advice(key) if key in cls.model_fields else f"write `{key}:` and a mapping"
 
 
+ShortField = (
+    TypeWord
+    | Annotated[
+        str,
+        Field(
+            pattern=r"^[A-Za-z][A-Za-z0-9_]*( .*)?$",
+            description="A type alone, or with scale and unit behind it; or the name of one of the file's `types`.",
+            examples=["u16", "u16 mV", "i16 0.001 m/s", "point"],
+        ),
+    ]
+)
+
+
 class BitFieldSyntax(ValueSyntax):
     """One of the values that share a number's bits."""
 
     noun = "a bit field"
+    short = "a type, such as `u3`, or "
 
     type: BitType = Field(description="u1 to u64, i2 to i64, s2 to s64, bool (1 bit), padding.", examples=["u3"])
     size: Annotated[int, PlainValidator(whole(1, 64), json_schema_input_type=int)] | None = Field(
         None, description="Bits of padding.", examples=[2]
     )
+
+
+_BitField = Annotated[BitFieldSyntax, in_schema(ShortField | BitFieldSyntax)]
 
 
 class BitsSyntax(Syntax):
@@ -218,8 +237,8 @@ class BitsSyntax(Syntax):
     first: Annotated[str, one_word("low", "high")] = Field(
         "low", description="Whether the first value has the lowest bits or the highest.", examples=["low"]
     )
-    fields: Annotated[dict[Name, BitFieldSyntax], Field(min_length=1)] = Field(
-        description="The values; bits that are left over are sent as 0.", examples=["{mode: {type: u3}}"]
+    fields: Annotated[dict[Name, _BitField], Field(min_length=1)] = Field(
+        description="The values; bits that are left over are sent as 0.", examples=["{mode: u3}"]
     )
 
 
@@ -282,13 +301,16 @@ def _one_kind(value: object) -> object:
     return value
 
 
-FieldSyntax = Annotated[
+_LongField = (
     Annotated[PlainSyntax, Tag("field:type")]
     | Annotated[BitsFieldSyntax, Tag("field:bits")]
     | Annotated[StructSyntax, Tag("field:struct")]
-    | Annotated[GroupFieldSyntax, Tag("field:group")],
+    | Annotated[GroupFieldSyntax, Tag("field:group")]
+)
+FieldSyntax = Annotated[
+    _LongField,
     Discriminator(_key),
-    BeforeValidator(_one_kind),
+    BeforeValidator(_one_kind, json_schema_input_type=ShortField | Annotated[_LongField, Discriminator(_key)]),
 ]
 Fields = Annotated[dict[Name, FieldSyntax], Field(min_length=1)]
 

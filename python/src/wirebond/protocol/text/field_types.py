@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, PlainValidator
 
@@ -80,6 +80,11 @@ def _container_type(value: object) -> WireType:
     raise wrong(f"{describe(value)} cannot hold bit fields; write u8, u16 or another unsigned type up to u64")
 
 
+def is_field_type(word: str) -> bool:
+    """Whether the word is a type, such as `u16be`, `i5` or `text`."""
+    return word in _WHOLE_TYPES or _any_width(word) is not None
+
+
 def wire_type(word: str) -> WireType:
     """The type of a word that is one: `u16be`, `i5`."""
     found = _WHOLE_TYPES.get(word) or _any_width(word)
@@ -110,10 +115,11 @@ def _run_type(value: object) -> WireType:
     return found
 
 
+TypeWord: Any = Literal[tuple(_WHOLE_TYPES)]
 _WidthText = Annotated[str, Field(pattern=_ANY_WIDTH_PATTERN)]
 FieldType = Annotated[
     WireType,
-    PlainValidator(_field_type, json_schema_input_type=Literal[tuple(_WHOLE_TYPES)] | _WidthText),
+    PlainValidator(_field_type, json_schema_input_type=TypeWord | _WidthText),
 ]
 BitType = Annotated[WireType, PlainValidator(_bit_type, json_schema_input_type=Literal["bool", "padding"] | _WidthText)]
 ContainerType = Annotated[

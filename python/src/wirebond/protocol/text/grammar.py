@@ -22,6 +22,7 @@ from wirebond.protocol.text.scalars import (
     FrameBytes,
     GivenValue,
     Name,
+    NameText,
     PayloadBytes,
     Period,
     ProtocolName,
@@ -29,6 +30,7 @@ from wirebond.protocol.text.scalars import (
     Text,
     ValuesOrOne,
     describe,
+    in_schema,
     one_word,
     whole,
     wrong,
@@ -267,6 +269,9 @@ class OneMessage(Syntax):
     message: Name = Field(description="The message that carries it.", examples=["hello"])
 
 
+_OneMessage = Annotated[OneMessage, in_schema(NameText | OneMessage)]
+
+
 class RequestAndReply(Syntax):
     """A service of a question and an answer."""
 
@@ -288,12 +293,12 @@ class Services(Syntax):
     """Built-in services, mapped to messages of this protocol."""
 
     noun = "`services`"
-    hello: OneMessage | None = Field(None, description="Both ends say which protocol they were built from.")
+    hello: _OneMessage | None = Field(None, description="Both ends say which protocol they were built from.")
     ping: RequestAndReply | None = Field(None, description="Round trip time.")
     clock: RequestAndReply | None = Field(None, description="Clock offset and drift.")
-    log: OneMessage | None = Field(None, description="Lines of text from the MCU.")
+    log: _OneMessage | None = Field(None, description="Lines of text from the MCU.")
     parameter: ParameterService | None = Field(None, description="Values on the MCU, read and set by index.")
-    counters: OneMessage | None = Field(None, description="What the MCU's link counts, sent by itself.")
+    counters: _OneMessage | None = Field(None, description="What the MCU's link counts, sent by itself.")
 
 
 # ---- the file ------------------------------------------------------------------------------------

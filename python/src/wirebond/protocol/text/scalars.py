@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PlainValidator
+from pydantic import BeforeValidator, Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
 from wirebond.protocol import algorithms, names
@@ -79,6 +79,12 @@ def _text(value: object) -> str:
     if not isinstance(value, str):
         raise wrong(f"{describe(value)} is not text here; put it in quotes")
     return value
+
+
+def in_schema(kind: Any) -> BeforeValidator:
+    """What the published schema allows in this place: also the short forms, which are written out before they come to
+    the grammar (see ``short_forms``)."""
+    return BeforeValidator(lambda value: value, json_schema_input_type=kind)
 
 
 NameText = Annotated[str, Field(pattern=names.PATTERN, max_length=names.MAX_LENGTH)]

@@ -18,13 +18,17 @@ class Syntax(BaseModel):
 
     #: What such a mapping is called in a sentence.
     noun: ClassVar[str] = "this mapping"
+    #: What may stand in its place, and `or` behind it.
+    short: ClassVar[str] = ""
 
     @model_validator(mode="wrap")
     @classmethod
     def _in_the_files_words(cls, value: Any, handler: ModelWrapValidatorHandler[Any]) -> Any:
         if not isinstance(value, dict):
             keys = ", ".join(cls.known_keys())
-            raise wrong(f"{describe(value)} cannot stand for {cls.noun}; write a mapping with the keys {keys}")
+            raise wrong(
+                f"{describe(value)} cannot stand for {cls.noun}; write {cls.short}a mapping with the keys {keys}"
+            )
         empty = [key for key in cls.known_keys() if key in value and value[key] is None]
         errors: list[InitErrorDetails] = [
             {

@@ -249,7 +249,7 @@ def _validate_size(size: int, problems: Problems) -> None:
         )
 
 
-def _value(text: str) -> Value:
+def value_of(text: str) -> Value:
     """A plain scalar by YAML 1.2's core schema: `yes`, `on` and `1_000` are text."""
     if text in _WORDS:
         return _WORDS[text]
@@ -325,7 +325,7 @@ class _Builder:
         place = _place(event.start_mark)
         self._refuse_tag(event, place)
         is_plain = event.style in (None, "")
-        node = Scalar(place, event.value, _value(event.value) if is_plain else event.value)
+        node = Scalar(place, event.value, value_of(event.value) if is_plain else event.value)
         self._count(1, place)
         if event.anchor is not None:
             self._anchors[event.anchor] = _Anchored(node, 1, 0)
