@@ -108,6 +108,10 @@ def test_a_device_without_a_file_shows_its_bytes_and_what_it_may_be(free: Desk) 
 def test_a_first_file_comes_from_a_template_or_a_header(free: Desk) -> None:
     status, made = free.ask("/api/new", {"name": "My Robot", "template": "length"})
     assert status == 200 and loads(made["text"]).name == made["name"] == "my_robot"
+    status, made = free.ask("/api/new", {"name": "arm", "has": "joints=12"})
+    assert status == 200 and "joint_states" in made["text"] and "odometry" not in made["text"]
+    status, made = free.ask("/api/new", {"name": "arm", "has": "wheels"})
+    assert (status, made["error"]) == (422, "wrong_parts") and "base, joints, imu, battery" in made["text"]
     header = "#include <stdint.h>\n#pragma pack(1)\ntypedef struct { uint8_t a; int16_t b; } speed_t;\n"
     status, made = free.ask("/api/import", {"header": header, "name": "robot"})
     assert status == 200 and made["messages"] == 1 and "b:" in made["text"]

@@ -76,8 +76,10 @@ def test_a_first_file_is_made_of_a_template_or_of_a_c_header(browser: Browser, d
     assert serious(page) == []
     page.get_by_role("button", name="Start again").click()
     page.get_by_label("Name", exact=True).fill("Two wheels")
+    page.get_by_label("The robot has").fill("base, joints=12")
     page.get_by_role("button", name="Template length").click()
     expect(page.locator(".results")).to_contain_text("The file is fine: two_wheels")
+    assert "count: 12" in text_of(page)
 
 
 @pytest.mark.long

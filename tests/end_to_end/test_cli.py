@@ -551,3 +551,9 @@ class TestHeader:
             finally:
                 process.send_signal(signal.SIGINT)
                 process.wait(PATIENCE)
+
+
+def test_help_is_a_word_too() -> None:
+    assert "Usage: wirebond param get" in run("help", "param", "get").stdout
+    assert "wirebond help COMMAND" in run("help").stdout
+    assert run("help", "nonsense").returncode == 2

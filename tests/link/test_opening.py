@@ -150,6 +150,11 @@ def test_close_does_not_wait_for_a_server_that_does_not_answer(server: Server) -
         ("rfc2217://robot", "lacks the number of its TCP port; give rfc2217://host:port"),
         ("rfc2217://robot:5000?logging=debug", "has more than a host and a number; give"),
         ("http://robot:5000", "is no port that can be opened; give a tty"),
+        ("udp://robot:5000", "UDP loses packets and changes their order; give tcp://robot:5000 if"),
+        ("COM3", "COM3 is a port of Windows; Wirebond runs on Linux, where a USB adapter is /dev/ttyUSB0 or"),
+        ("com12:", "is a port of Windows"),
+        ("can0", "can0 is an interface of CAN, and Wirebond needs a serial port, such as /dev/ttyUSB0"),
+        ("vcan1", "is an interface of CAN"),
         ("replay:", "replay: names no recording; give replay:run.mcap"),
     ],
 )

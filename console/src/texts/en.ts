@@ -561,6 +561,8 @@ export const en = {
     start: "Start a protocol file",
     startText: "A first file opens in the editor, which shows at once how the bytes decode under it.",
     fileName: "Name",
+    has: "The robot has",
+    hasText: "base, joints=N, imu, battery; with commas. Not for fixed.",
     fromTemplate: (name: string) => `Template ${name}`,
     templates: {
       native: "The recommended format for firmware of your own: COBS, CRC-16, every service.",

@@ -542,6 +542,8 @@ export const zh: Texts = {
     start: "新建协议文件",
     startText: "第一个文件会在编辑器中打开，编辑器立即显示字节在其下如何解码。",
     fileName: "名称",
+    has: "机器人有",
+    hasText: "base（底盘）、joints=N（关节）、imu、battery（电池），用逗号分隔；fixed 模板不用。",
     fromTemplate: (name) => `模板 ${name}`,
     templates: {
       native: "推荐给自有固件的格式：COBS、CRC-16，包含所有服务。",

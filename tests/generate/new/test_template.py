@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from pathlib import Path
 
 import pytest
@@ -9,8 +10,10 @@ import pytest
 import wirebond
 from wirebond.analysis.check import Severity, lint
 from wirebond.errors import UsageError
-from wirebond.generate.new import TEMPLATES, write_template
+from wirebond.generate.new import PARTS, TEMPLATES, parts_of, template_text, write_template
+from wirebond.generate.new.template import MOST_JOINTS
 from wirebond.generate.new.write import protocol_name
+from wirebond.protocol import loads
 
 
 @pytest.mark.parametrize("template", TEMPLATES)
@@ -32,6 +35,52 @@ def test_a_template_explains_itself(tmp_path: Path, template: str) -> None:
     assert sum("#" in line for line in lines) >= 10
 
 
+def chosen_parts() -> list[str]:
+    return [",".join(parts) for n in range(len(PARTS) + 1) for parts in combinations(PARTS, n)]
+
+
+@pytest.mark.parametrize("template", ["native", "length"])
+@pytest.mark.parametrize("has", [*chosen_parts(), "joints=1", f"base,joints={MOST_JOINTS}"])
+def test_each_choice_of_parts_is_a_file_that_the_lint_accepts(template: str, has: str) -> None:
+    text = template_text(template, "robot", parts_of(has))
+    report = lint(wirebond.Codec(loads(text)))
+    assert [f for f in report.findings if f.severity in (Severity.ERROR, Severity.WARNING)] == []
+    assert max(map(len, text.splitlines())) <= 120
+
+
+def test_a_first_file_has_what_people_need() -> None:
+    model = loads(template_text("native", "robot", parts_of("base,joints=12,imu,battery")))
+    fields = {message.name: {field.name: field for field in message.fields} for message in model.messages}
+    assert fields["imu"]["acceleration"].count == 3
+    assert fields["joint_states"]["joints"].count == 12
+    assert fields["odometry"]["measured"].clock
+    assert fields["parameter_set"]["index"].enum == (("kp", 0), ("ki", 1), ("kd", 2))
+    assert model.message("overheated").log
+    assert [s.name for s in model.services] == ["hello", "ping", "clock", "log", "parameter", "counters"]
+    assert [entry.message for entry in model.emergency_stop] == ["velocity", "joint_mode"]
+
+
+@pytest.mark.parametrize(
+    ("has", "sentence"),
+    [
+        ("wheels", "a robot's parts are base, joints, imu, battery, and not `wheels`"),
+        ("joints=0", "`joints=0` is no number of joints; write `joints=12`, with 1 to 32"),
+        ("joints=33", "`joints=33` is no number of joints"),
+        ("joints=", "`joints=` is no number of joints"),
+        ("base=2", "`base=2` is no number of joints"),
+    ],
+)
+def test_wrong_parts_are_a_sentence(has: str, sentence: str) -> None:
+    with pytest.raises(UsageError) as raised:
+        parts_of(has)
+    assert sentence in str(raised.value)
+
+
+def test_frames_of_one_size_have_no_parts() -> None:
+    with pytest.raises(UsageError, match="have no room for parts"):
+        template_text("fixed", "robot", parts_of("base"))
+
+
 def test_a_file_that_exists_is_left_as_it_is(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text("precious")
@@ -41,7 +90,7 @@ def test_a_file_that_exists_is_left_as_it_is(tmp_path: Path) -> None:
 
 
 def test_an_unknown_template_names_those_there_are(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="there are native, fixed, length"):
+    with pytest.raises(UsageError, match="there are native, length, fixed"):
         write_template(tmp_path / "x.yaml", "nativ")
     assert list(tmp_path.iterdir()) == []
 

@@ -35,7 +35,8 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
-    epilog="Exit codes: 0 done, 1 wrong input, 2 wrong usage, 3 port trouble, 130 interrupted.",
+    epilog="`wirebond help COMMAND` explains a command. Exit codes: 0 done, 1 wrong input, 2 wrong usage, 3 port "
+    "trouble, 130 interrupted.",
 )
 _GROUPS = {"Files and bytes": files, "Ports": lines, "Recordings": recordings, "Simulation": simulation}
 for heading, group in _GROUPS.items():
@@ -97,6 +98,8 @@ def main(arguments: list[str] | None = None) -> int:
 def _run(arguments: list[str] | None) -> int:
     try:
         given = sys.argv[1:] if arguments is None else arguments
+        if given[:1] == ["help"]:
+            given = [*given[1:], "--help"]
         if "--web" in given:
             from wirebond.cli.web import with_web_address
 

@@ -20,7 +20,8 @@ from wirebond.console.jobs import Worker
 from wirebond.console.jobs.protocol_files import imported
 from wirebond.console.jobs.wire_bytes import candidates_dict, identified
 from wirebond.console.station import Station
-from wirebond.generate.new.template import TEMPLATES, template_text
+from wirebond.errors import UsageError
+from wirebond.generate.new import PARTS, TEMPLATES, parts_of, template_text
 from wirebond.generate.new.write import protocol_name
 from wirebond.link.raw import listen_at
 from wirebond.protocol.model import End
@@ -37,7 +38,8 @@ class _Identify(msgspec.Struct):
 
 class _New(msgspec.Struct):
     name: str
-    template: Literal["native", "fixed", "length"] = "native"
+    template: Literal["native", "length", "fixed"] = "native"
+    has: str | None = None
 
 
 class _Import(msgspec.Struct):
@@ -102,12 +104,17 @@ class DeviceRequests:
         }
 
     async def _templates(self, _: Request) -> Response:
-        return answer({"templates": [{"name": name, "text": text} for name, text in TEMPLATES.items()]})
+        templates = [{"name": name, "text": text} for name, text in TEMPLATES.items()]
+        return answer({"templates": templates, "parts": [{"name": n, "text": text} for n, text in PARTS.items()]})
 
     async def _new(self, request: Request) -> Response:
         asked = await body_of(request, _New)
         name = protocol_name(Path(asked.name))
-        return answer({"name": name, "text": template_text(asked.template, name)})
+        try:
+            parts = None if asked.has is None else parts_of(asked.has)
+            return answer({"name": name, "text": template_text(asked.template, name, parts)})
+        except UsageError as error:
+            raise RefusedError(422, "wrong_parts", str(error)) from None
 
     async def _import(self, request: Request) -> Response:
         asked = await body_of(request, _Import)

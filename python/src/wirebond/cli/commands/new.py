@@ -1,13 +1,25 @@
-"""What ``wirebond new`` does: a template becomes a user's own file."""
+"""What ``wirebond new`` does: a template becomes a user's own file, and the next commands are shown."""
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 from wirebond.cli.output import console, plain
-from wirebond.generate.new import write_template
+from wirebond.generate.new import parts_of, write_template
 
 
-def write_first_file(path: Path, template: str) -> None:
-    write_template(path, template)
-    console.print(plain(f"{path}: put your messages in, then run `wirebond check {path}`"), soft_wrap=True)
+def write_first_file(path: Path, has: str | None, template: str, port: str | None) -> None:
+    write_template(path, template, None if has is None else parts_of(has))
+    file = shlex.quote(str(path))
+    robot = shlex.quote(port or "/dev/ttyUSB0")
+    steps = {
+        f"wirebond check {file}": "what is wrong with it, after each change",
+        f"wirebond serve {file} sim: --web": "a simulated MCU in your browser: plots, control, tuning",
+        f"wirebond gen {file} --port stm32_hal --out generated": "the MCU's end; --help lists the ports",
+        f"wirebond serve {file} {robot} --web": "the robot itself" + ("" if port else ", at its own port"),
+    }
+    width = max(map(len, steps))
+    console.print(plain(f"{path}: put your messages in. Next:"), soft_wrap=True)
+    for step, why in steps.items():
+        console.print(plain(f"  {step:{width}}  # {why}"), soft_wrap=True)

@@ -193,13 +193,24 @@ def schema(
 @commands.command()
 def new(
     path: Annotated[Path, typer.Argument(metavar="PATH", help="The file to write; it must not exist.")],
-    template: Annotated[str, typer.Option(help="native (recommended), fixed or length.")] = "native",
+    has: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PARTS",
+            help="What the robot has: base, joints=N, imu, battery; with commas. Without it: base,imu,battery.",
+        ),
+    ] = None,
+    template: Annotated[str, typer.Option(help="Its frames: native (recommended), length or fixed.")] = "native",
+    port: Annotated[
+        str | None,
+        typer.Option(help="The robot's port, for the commands that are shown at the end, such as /dev/ttyACM0."),
+    ] = None,
 ) -> None:
-    """Write a commented first protocol file."""
+    """Write a commented first protocol file for a robot of your own."""
     from wirebond.cli.commands.new import write_first_file
 
     raise_from_here()
-    write_first_file(path, template)
+    write_first_file(path, has, template, port)
 
 
 @commands.command(name="import")

@@ -17,7 +17,8 @@ Port = Annotated[
     str,
     typer.Argument(
         metavar="PORT",
-        help="A tty such as /dev/ttyUSB0, usb:VENDOR:PRODUCT, tcp:// or rfc2217://HOST:PORT, replay:RECORDING.",
+        help="A tty such as /dev/ttyUSB0, usb:VENDOR:PRODUCT, tcp:// or rfc2217://HOST:PORT, replay:RECORDING, "
+        "sim: (a simulated MCU), wirebond:// (a server's address).",
     ),
 ]
 Baud = Annotated[

@@ -9,6 +9,7 @@ from pathlib import Path
 import jinja2
 
 from wirebond.generate.code.names import code_name, identifier
+from wirebond.generate.templates import environment
 from wirebond.paths import core_include, port_in_c, port_include
 from wirebond.whole_file import write_whole
 
@@ -22,15 +23,9 @@ TEMPLATES = Path(__file__).parent / "templates"
 @cache
 def _environment() -> jinja2.Environment:
     """One for all, because it keeps the templates that it has compiled."""
-    environment = jinja2.Environment(  # noqa: S701 source code is no markup
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    environment.filters |= {"code_name": code_name, "identifier": identifier}
-    return environment
+    found = environment(TEMPLATES)
+    found.filters |= {"code_name": code_name, "identifier": identifier}
+    return found
 
 
 def render(template: str, **values: object) -> str:

@@ -1,5 +1,5 @@
 """A first protocol file: from a template, or from a C header."""
 
-from wirebond.generate.new.template import TEMPLATES, write_template
+from wirebond.generate.new.template import PARTS, TEMPLATES, parts_of, template_text, write_template
 
-__all__ = ["TEMPLATES", "write_template"]
+__all__ = ["PARTS", "TEMPLATES", "parts_of", "template_text", "write_template"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from contextlib import suppress
 from dataclasses import dataclass
 from urllib.parse import urlsplit
@@ -68,9 +69,16 @@ def port_name(port: str | os.PathLike[str]) -> PortName:
         return PortName(text)
     if text.startswith("replay:"):
         return _replay(text)
-    scheme, found, _ = text.partition("://")
+    scheme, found, address = text.partition("://")
     if not found or "/" in scheme:
+        _refuse_foreign(text)
         return PortName(text)
+    if scheme.lower() == "udp":
+        raise UsageError(
+            f"{text}: Wirebond needs a stream of bytes, and UDP loses packets and changes their order; give "
+            f"tcp://{address or 'host:port'} if the device has it, or a pty from `socat pty,raw,echo=0,link=robot "
+            f"udp:{address or 'host:port'}`"
+        )
     if scheme.lower() not in _SERVERS:
         raise UsageError(
             f"{text} is no port that can be opened; give a tty such as /dev/ttyUSB0, a USB device such as "
@@ -80,6 +88,21 @@ def port_name(port: str | os.PathLike[str]) -> PortName:
 
 
 _SERVERS = ("tcp", "rfc2217")
+_FOREIGN = {
+    re.compile(r"com[0-9]+:?", re.IGNORECASE): "is a port of Windows; Wirebond runs on Linux, where a USB adapter is "
+    "/dev/ttyUSB0 or /dev/ttyACM0; `wirebond ports` lists them",
+    re.compile(r"(v|vx|sl)?can[0-9]+", re.IGNORECASE): "is an interface of CAN, and Wirebond needs a serial port, such "
+    "as /dev/ttyUSB0; `wirebond ports` lists them",
+}
+
+
+def _refuse_foreign(text: str) -> None:
+    """:raises UsageError: it is called as what is no serial port here, and no such file is there."""
+    for pattern, what in _FOREIGN.items():
+        if pattern.fullmatch(text) and not os.path.lexists(text):
+            raise UsageError(f"{text} {what}")
+
+
 _SECTION = "speed=2, from=12.5, to=20 and loop=1, joined by &"
 
 
