@@ -57,21 +57,27 @@ def test_a_strangers_terminal_under_the_same_number_is_left_alone(by_link: bool,
 @pytest.mark.parametrize("ports", ["python"], indirect=True)
 def test_a_number_that_is_given_away_after_the_look_is_a_strangers_too(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of the ports in Python, where the moment between the look and the opening can be met."""
-    look, given = PtyNumber.is_a_strangers, ExitStack()
+    look = PtyNumber.is_a_strangers
+    for _ in moments("the number is given away before the look each time, by other programs"):
+        terminals: list[int] = []
+        with ExitStack() as given:
 
-    def give_away_after_it(number: PtyNumber, path: str) -> bool:
-        is_a_strangers = look(number, path)
-        if not is_a_strangers and not Path(path).exists() and not terminals:
-            terminals.append(given.enter_context(terminal_with_the_path(path)))
-        return is_a_strangers
+            def give_away_after_it(
+                number: PtyNumber, path: str, given: ExitStack = given, terminals: list[int] = terminals
+            ) -> bool:
+                is_a_strangers = look(number, path)
+                if not is_a_strangers and not Path(path).exists() and not terminals:
+                    terminals.append(given.enter_context(terminal_with_the_path(path)))
+                return is_a_strangers
 
-    terminals: list[int] = []
-    monkeypatch.setattr(PtyNumber, "is_a_strangers", give_away_after_it)
-    port = PtyPort()
-    with given, wirebond.open(codec("diffdrive"), port.path) as link:
-        port.close()
-        why_when_refused(link)
-        assert termios.tcgetattr(terminals[0])[_LOCAL_MODES] & termios.ECHO
+            monkeypatch.setattr(PtyNumber, "is_a_strangers", give_away_after_it)
+            port = PtyPort()
+            with wirebond.open(codec("diffdrive"), port.path) as link:
+                port.close()
+                why_when_refused(link)
+            if terminals:
+                assert termios.tcgetattr(terminals[0])[_LOCAL_MODES] & termios.ECHO
+                return
 
 
 def test_a_new_link_to_a_pty_with_the_same_number_is_followed(tmp_path: Path) -> None:
