@@ -26,7 +26,7 @@ PARTS = {
 }
 USUAL = ("base", "imu", "battery")
 MOST_JOINTS = 32
-_JOINTS = 6  # unless said
+_JOINTS = 6  # where no number is given
 _FOLDER = Path(__file__).parent / "templates"
 
 
