@@ -5,8 +5,12 @@ from collections.abc import Iterator
 
 import pytest
 from hypothesis import HealthCheck, settings
+from tests.waiting import PATIENCE
 
 import wirebond.link.settings as settings_of_links
+from wirebond.link.aio import Aio
+from wirebond.link.parameters import Parameters
+from wirebond.link.receiving import Receiving
 from wirebond.protocol.problems import Place, Problems
 
 pytest_plugins = ["tests.runner.kinds", "tests.runner.limit", "tests.runner.results"]
@@ -16,6 +20,16 @@ settings.load_profile("any_speed")
 
 # A shell ignores Ctrl-C for what it starts in the background, and children would inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# Who asks a robot without saying how long it may take waits a second: for a busy machine that is nothing.
+ASKING = (
+    Receiving.request,
+    Aio.request,
+    *(getattr(Parameters, name) for name in ("list", "get", "set", "set_all", "save", "load")),
+)
+for method in ASKING:
+    assert method.__kwdefaults__["timeout"] == 1.0
+    method.__kwdefaults__["timeout"] = PATIENCE
 
 
 @pytest.fixture(autouse=True)
