@@ -77,3 +77,21 @@ def test_a_recording_that_was_cut_short_opens_as_far_as_it_goes_and_says_what_is
     expect(page.locator(".scrubber")).to_contain_text("none.mcap")
     page.get_by_role("button", name="Back to live").click()
     expect(page.locator(".legend .value").first).to_have_text(re.compile(r"\d"))
+
+
+def test_a_raw_capture_is_listed_and_opens_with_the_links_protocol(rover: Desk) -> None:
+    folder = rover.server.recordings.folder
+    assert folder is not None
+    ticks = range(0, 2000, 10)
+    capture = folder / "line.bin"
+    capture.write_bytes(b"".join(rover.link.codec.encode("odometry", left_ticks=n, right_ticks=0) for n in ticks))
+    try:
+        page = rover.page("recordings")
+        row = page.get_by_role("row", name="line.bin")
+        expect(row).to_contain_text("raw capture")
+        row.get_by_role("button", name="Open", exact=True).click()
+        expect(page.get_by_role("slider", name="Position in the recording")).to_be_visible()
+        page.evaluate("location.hash = '#/messages?recording=line.bin'")
+        expect(page.get_by_role("row", name=re.compile("odometry"))).to_contain_text("left_ticks 1990")
+    finally:
+        capture.unlink()

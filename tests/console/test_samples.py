@@ -110,3 +110,24 @@ def test_what_the_mcu_measured_has_the_time_of_the_measurement() -> None:
     assert len(rows) == 10 and rows[0]["state.position [m]"] == "0.25"
     for row in rows[1:]:
         assert float(row["t [s]"]) - float(row["measured [s]"]) == pytest.approx(0.005, abs=0.002)
+
+
+def test_a_raw_capture_in_the_folder_is_decoded_with_the_links_protocol(desk: Desk) -> None:
+    folder = desk.server.recordings.folder
+    assert folder is not None
+    capture = folder / "line.bin"
+    capture.write_bytes(b"".join(desk.link.codec.encode("odometry", left_ticks=n, right_ticks=0) for n in range(50)))
+    try:
+        listed = {one["name"]: one for one in desk.ask("/api/recordings")[1]["recordings"]}
+        assert listed["line.bin"]["state"] == "capture" and listed["line.bin"]["size"] == capture.stat().st_size
+        rows = rows_of(desk.ask("/api/samples.csv?fields=odometry.left_ticks&recording=line.bin")[1])
+        assert [int(row["odometry.left_ticks [ticks]"]) for row in rows] == list(range(50))
+        table = desk.ask("/api/recordings/line.bin.csv?message=odometry")[1].decode().splitlines()
+        assert len(table) == 51
+        assert desk.ask("/api/recordings/line.bin")[1] == capture.read_bytes()
+        text = desk.link.codec.model.text
+        status, compared = desk.ask("/api/decode", {"text": text.replace("xor8", "sum8"), "recording": "line.bin"})
+        assert status == 200
+        assert compared["before"]["messages"] == {"odometry": 50} and not compared["after"]["messages"].get("odometry")
+    finally:
+        capture.unlink()

@@ -8,7 +8,7 @@ export interface Recorded {
   name: string;
   path: string;
   hash: string | null;
-  state: "recording" | "closing" | "closed" | "unclosed" | "unreadable";
+  state: "recording" | "closing" | "closed" | "unclosed" | "capture" | "unreadable";
   started: number | null;
   seconds: number | null;
   size: number;

@@ -475,6 +475,7 @@ export const en = {
       closing: "is being compressed",
       closed: "closed",
       unclosed: "not closed",
+      capture: "raw capture, decoded with the link's protocol",
       unreadable: "unreadable",
     },
     folder: (path: string) => `Recordings lie in ${path}.`,

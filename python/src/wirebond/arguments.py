@@ -5,6 +5,7 @@ from __future__ import annotations
 import numbers
 import operator
 import os
+import re
 
 from wirebond.errors import UsageError
 
@@ -60,3 +61,17 @@ def whole(name: str, value: object, least: int, greatest: int, unit: str) -> int
     if number is None or not least <= number <= greatest:
         raise UsageError(f"{name} is {shown(value)}; expected a whole number from {least} to {greatest} {unit}")
     return number
+
+
+def hex_bytes(text: str) -> bytes:
+    """``AA 55 01``, ``aa5501``, ``0xAA,0x55``, ``AA:55``: any of these.
+
+    :raises UsageError: it has something else in it, or half a byte.
+    """
+    digits = re.sub(r"0[xX]|[\s:,;_-]", "", text)
+    wrong = re.search(r"[^0-9a-fA-F]", digits)
+    if wrong:
+        raise UsageError(f"'{wrong.group()}' is no hex digit; write bytes as AA 55 01 or aa5501")
+    if len(digits) % 2:
+        raise UsageError(f"{len(digits)} hex digits are no whole number of bytes; write two digits a byte")
+    return bytes.fromhex(digits)

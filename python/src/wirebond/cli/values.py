@@ -8,6 +8,7 @@ import re
 from functools import partial
 from typing import Any
 
+from wirebond.arguments import hex_bytes
 from wirebond.errors import MessageError, UsageError
 from wirebond.protocol.model import End, Field, FieldKind, Message, Protocol
 from wirebond.protocol.model.forms import header_fields
@@ -83,17 +84,6 @@ def _field_of(fields: tuple[Field, ...], name: str, owner: str) -> Field:
     return values[name]
 
 
-def parse_hex(text: str) -> bytes:
-    """``AA 55 01``, ``aa5501``, ``0xAA,0x55``, ``AA:55``: any of these."""
-    digits = re.sub(r"0[xX]|[\s:,;_-]", "", text)
-    wrong = re.search(r"[^0-9a-fA-F]", digits)
-    if wrong:
-        raise UsageError(f"'{wrong.group()}' is no hex digit; write bytes as AA 55 01 or aa5501")
-    if len(digits) % 2:
-        raise UsageError(f"{len(digits)} hex digits are no whole number of bytes; write two digits a byte")
-    return bytes.fromhex(digits)
-
-
 def _example(message: Message, word: str) -> str:
     """An assignment to the field that ``word`` names, or to the first."""
     fields = [f for f in message.fields if f.kind != FieldKind.PADDING]
@@ -108,7 +98,7 @@ def _parse(described: Field, text: str) -> Any:
     if described.kind == FieldKind.TEXT:
         return text
     if described.kind == FieldKind.BYTES:
-        return parse_hex(text)
+        return hex_bytes(text)
     if described.fields:
         return _from_json(described, text)
     is_array = described.count is not None or described.is_list
@@ -152,7 +142,7 @@ def _with_bytes(described: Field, value: Any) -> Any:
     if isinstance(value, dict):
         fields = {f.name: f for f in described.fields}
         return {name: _with_bytes(fields[name], item) if name in fields else item for name, item in value.items()}
-    return parse_hex(value) if described.kind == FieldKind.BYTES and isinstance(value, str) else value
+    return hex_bytes(value) if described.kind == FieldKind.BYTES and isinstance(value, str) else value
 
 
 def _items(described: Field, text: str) -> list[str]:

@@ -68,7 +68,9 @@ class ByteRequests:
         asked = await body_of(request, _Decode)
         if asked.recording is not None and asked.live is None:
             path = self._library.path(asked.recording)
-            return await worked_by(self._worker, decoded_recording, asked.text, path)
+            codec = self._library.codec_for(path)
+            own = None if codec is None else (codec.model.text, codec.model.path)
+            return await worked_by(self._worker, decoded_recording, asked.text, path, own)
         if asked.live is None or asked.recording is not None:
             raise RefusedError(422, "no_bytes", "give `recording` or `live`, the seconds that are looked at")
         source = served_by(self._station).source

@@ -42,7 +42,7 @@ class RecordingRequests:
         if not is_csv:
             return FileResponse(path, media_type="application/octet-stream", filename=path.name)
         message = request.query_params.get("message", "")
-        recording = await run_in_threadpool(Recording, path)
+        recording = await run_in_threadpool(lambda: Recording(path, self._library.codec_for(path)))
         names = [m.name for m in recording.codec.model.messages]
         if message not in (*names, "unknown"):
             raise RefusedError(422, "no_message", f"give ?message=NAME, one of {', '.join(names)}")

@@ -21,6 +21,7 @@ from wirebond.link.devices.port_name import port_name
 from wirebond.link.raw import raw_codec
 from wirebond.protocol import loads
 from wirebond.protocol.model import LinkSettings
+from wirebond.recording.capture import is_capture
 from wirebond.recording.recording import Recording
 from wirebond.server import Server
 from wirebond.sim.port import NAME as SIMULATED
@@ -128,6 +129,8 @@ class Connector:
 
             return load(rover.protocol_file())
         if name := port_name(port).recording:
+            if is_capture(Path(name)):
+                raise UsageError(f"{name} is a raw capture, which has no protocol in it; choose one")
             return Recording(name).codec
         if port == SIMULATED:
             raise UsageError("a simulated MCU needs a protocol; choose one")

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from wirebond.codec import Codec
 from wirebond.console.station import Station
 from wirebond.errors import UsageError
+from wirebond.recording.capture import is_capture
 from wirebond.recording.history.recorded import recorded_source
 from wirebond.recording.history.source import Source
 from wirebond.recording.recording import Recording
@@ -50,7 +52,7 @@ class Library:
         self._station = station
         self._folder = None if folder is None else RecordingFolder(folder.absolute())
         self._lock = threading.Lock()
-        self._open: OrderedDict[tuple[Path, int, int], Replay] = OrderedDict()
+        self._open: OrderedDict[tuple[Path, int, int, int], Replay] = OrderedDict()
 
     def path(self, name: str) -> Path:
         """The file of a recording.
@@ -58,6 +60,22 @@ class Library:
         :raises UsageError: there is none of this name.
         """
         return self._recordings().path(name)
+
+    def codec_for(self, path: Path) -> Codec | None:
+        """With what a file is decoded: None is the recording's own. A raw capture has none: it is the link's.
+
+        :raises NoPortError: it is a raw capture, and there is no link.
+        :raises OSError: it cannot be read.
+        """
+        if not is_capture(path):
+            return None
+        served = self._station.served
+        if served is None:
+            raise NoPortError(
+                f"{path.name} is a raw capture, which has no protocol in it, and there is no link with one; connect to "
+                "a port first, or to the capture"
+            )
+        return served.link.codec
 
     def list(self) -> tuple[Path | None, list[StoredRecording]]:
         """The folder, and its recordings, the newest first; None: there is no folder.
@@ -76,12 +94,12 @@ class Library:
         :raises OSError: the same.
         """
         path = self.path(name)
-        stat = path.stat()
-        key = path, stat.st_size, stat.st_mtime_ns
+        stat, codec = path.stat(), self.codec_for(path)
+        key = path, stat.st_size, stat.st_mtime_ns, 0 if codec is None else codec.hash
         with self._lock:
             found = self._open.get(key)
             if found is None:
-                recording = Recording(path)
+                recording = Recording(path, codec)
                 source = recorded_source(recording)
                 found = Replay(name, source, tuple(recording.problems), recording.duration, recording.wall_ns(0) / 1e9)
                 self._open[key] = found

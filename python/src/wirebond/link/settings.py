@@ -47,7 +47,7 @@ def open_engine(
     """
     protocol, receive = codec.tables.protocol, codec.tables.format_for(other(end))
     if port.recording:
-        opener = plugin("replay")(port, end)
+        opener = plugin("replay")(port, end, codec)
         link = PythonLink(protocol, receive, opener, settings, waits, opener.clock.now_us, opener.waits_for_reader)
         if (stamper := opener.stamper(codec)) is not None:
             link.set_stamper(stamper)

@@ -20,9 +20,11 @@ from wirebond.codec import Codec, Message
 from wirebond.protocol.model import Field, FieldKind
 
 VERSION = "1"
+ENDING = ".mcap"  #: of the file's name
 PROFILE = "wirebond"
 METADATA = "wirebond"
 CHECKSUM = "crc32"  #: key in the metadata of a closed recording
+CAPTURE = "capture"  #: key in the metadata of a raw capture: the baud rate that its times are of
 NOTE = "note"  #: name of the metadata that hold a person's text about the recording
 PROTOCOL_FILE = "protocol.yaml"
 MEDIA_TYPE = "application/yaml"

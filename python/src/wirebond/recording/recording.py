@@ -22,6 +22,7 @@ from wirebond.protocol import loads
 from wirebond.protocol.model import End
 from wirebond.protocol.planning import told_by_request
 from wirebond.recording import layout
+from wirebond.recording.capture import as_recording, is_capture
 from wirebond.recording.notes import Note, notes_from
 from wirebond.recording.pieces import KINDS, PieceFile
 from wirebond.recording.reading import SENDERS, Reading
@@ -53,13 +54,14 @@ class Reads:
 
 
 class Recording:
-    """What ``wirebond record`` wrote. Times are seconds since its start. It does not change, also when another file
-    takes its name; any thread may use it. Iteration and ``stats`` have some MiB of the file in memory at a time;
-    ``raw`` and ``columns`` all that they return.
+    """What ``wirebond record`` wrote, or a raw capture. Times are seconds since its start. It does not change, also
+    when another file takes its name; any thread may use it. Iteration and ``stats`` have some MiB of the file in
+    memory at a time; ``raw`` and ``columns`` all that they return.
 
     :param path: of the file. One that was cut short or damaged is read as far as it goes; ``problems`` says what is
         lost.
-    :param protocol: a protocol file, or a codec, to decode with in the place of the recording's own.
+    :param protocol: a protocol file, or a codec, to decode with in the place of the recording's own. A raw capture has
+        none of its own: see `capture`.
     :param progress: called as ``progress(done, size)``, in bytes of the file, while it is read.
     :ivar path: of the file.
     :ivar codec: the protocol.
@@ -78,12 +80,11 @@ class Recording:
         progress: Progress | None = None,
     ) -> None:
         self.path = Path(path)
-        self._pieces = PieceFile(self.path, progress)
-        self.size = self._pieces.size
+        given = load(protocol) if protocol is not None and not isinstance(protocol, Codec) else protocol
+        self._pieces, self.size = _read(self.path, given, progress)
         contents = self._pieces.contents
         self.is_finished = contents.is_finished
         self.is_closed = contents.is_finished and contents.is_chunked
-        self.problems = tuple(contents.problems)
         self._about = contents.metadata.get(layout.METADATA, {})
         self._notes = contents.notes
         topics = {channel.topic for channel in contents.channels.values()}
@@ -93,18 +94,15 @@ class Recording:
                 "has no raw bytes of a link; name a file that `wirebond record` has written"
             )
         self.protocol_text = contents.attachments.get(layout.PROTOCOL_FILE, b"").decode(errors="replace")
-        self.codec = self._codec(protocol)
+        self.codec = given or self._own_codec()
+        self.problems = (*contents.problems, *self._lacks())
         self._clock = (
             RecordedClock(self.codec, lambda end: self._decoded(end).tables) if has_stamps(self.codec) else None
         )
         self._start_ns = self._pieces.start_ns or self._pieces._start(0)
         self.events: tuple[LinkEvent, ...] = self._pieces.events
 
-    def _codec(self, protocol: str | os.PathLike[str] | Codec | None) -> Codec:
-        if isinstance(protocol, Codec):
-            return protocol
-        if protocol is not None:
-            return load(protocol)
+    def _own_codec(self) -> Codec:
         if not self.protocol_text:
             raise WirebondError(
                 f"{self.path} has no protocol file in it; say which one it is of: `--protocol FILE`, or in Python "
@@ -114,6 +112,14 @@ class Recording:
             return Codec(loads(self.protocol_text, f"{self.path}:{layout.PROTOCOL_FILE}"))
         except ProtocolFileError as error:
             raise ProtocolFileError(error.problems) from None
+
+    def _lacks(self) -> Iterator[str]:
+        """What a raw capture does not tell."""
+        if self.is_capture and self.codec.model.format.ends_by_silence:
+            yield (
+                f"frames of {self.codec.name} end by silence, and a raw capture has no times, so they cannot be told "
+                "apart; record the line with `wirebond record`"
+            )
 
     @property
     def role(self) -> str:
@@ -129,6 +135,11 @@ class Recording:
     def protocol_hash(self) -> str:
         """The hash of the protocol that it was recorded with, 16 hex digits; empty where the file does not say it."""
         return self._about.get("hash", "")
+
+    @property
+    def is_capture(self) -> bool:
+        """It is a raw capture: what was received or sent, at times that the baud rate gives."""
+        return layout.CAPTURE in self._about
 
     @property
     def repaired(self) -> str:
@@ -384,11 +395,21 @@ class Recording:
         return f"<wirebond.Recording {self.path.name} of {self.codec.name}: {self.duration:.1f} s>"
 
 
+def _read(path: Path, codec: Codec | None, progress: Progress | None) -> tuple[PieceFile, int]:
+    """The pieces of a recording or a raw capture, and the size of its file."""
+    if codec is not None and is_capture(path):
+        with as_recording(path, codec) as stored:
+            return PieceFile(stored, progress), path.stat().st_size
+    pieces = PieceFile(path, progress)
+    return pieces, pieces.size
+
+
 def open_recording(path: str | os.PathLike[str], protocol: str | os.PathLike[str] | Codec | None = None) -> Recording:
-    """Read a recording.
+    """Read a recording, or a raw capture.
 
     :param path: of the file.
-    :param protocol: a corrected protocol file, or a codec, to decode with; None: the recording's own.
+    :param protocol: a corrected protocol file, or a codec, to decode with; None: the recording's own. A raw capture
+        needs it.
     :raises WirebondError: it is no recording, or its protocol file is missing or cannot be used.
     :raises OSError: it cannot be read.
     """

@@ -15,6 +15,7 @@ from wirebond.link.clock_line import HostTime
 from wirebond.link.devices.port_name import PortName
 from wirebond.link.stamps import Stamper, has_stamps
 from wirebond.link.tap import Chunk
+from wirebond.recording.capture import is_capture
 from wirebond.recording.recording import Recording
 from wirebond.recording.replay import Pace, Section
 from wirebond.recording.stamps import RecordedClock
@@ -128,14 +129,15 @@ class ReplayOpener:
     """Opens it once. One thread at a time.
 
     :param role: the end that the link plays.
+    :param codec: the link's. A raw capture is decoded with it.
     :raises PortError: the file is no recording.
     """
 
-    def __init__(self, text: str, path: str, section: Section, role: str) -> None:
+    def __init__(self, text: str, path: Path, section: Section, role: str, codec: Codec) -> None:
         self._text = text
         self._section = section
         try:
-            self._recording = Recording(Path(path))
+            self._recording = Recording(path, codec if is_capture(path) else None)
         except (WirebondError, OSError) as error:
             why = f"{path}: {error.strerror}" if isinstance(error, OSError) and error.strerror else str(error)
             raise PortError(f"{text} cannot be replayed: {why}", None, text) from None
@@ -169,10 +171,12 @@ class ReplayOpener:
         return None
 
 
-def open_replay(port: PortName, role: str) -> ReplayOpener:
+def open_replay(port: PortName, role: str, codec: Codec) -> ReplayOpener:
     """Make the opener of a ``replay:`` port, for a link.
 
     :param role: the end that the link plays.
+    :param codec: the link's.
     :raises PortError: the file is no recording.
     """
-    return ReplayOpener(port.text, port.recording, Section(port.speed, port.start, port.stop, port.loop), role)
+    section = Section(port.speed, port.start, port.stop, port.loop)
+    return ReplayOpener(port.text, Path(port.recording), section, role, codec)

@@ -125,7 +125,10 @@ class Scan:
         if source.read(0, len(MAGIC)) != MAGIC:
             if not self._search.leads_on(len(MAGIC)):
                 what = "is no MCAP file, and a recording is one" if self.size else "is empty"
-                raise WirebondError(f"{source.path} {what}; name a file that `wirebond record` has written")
+                raise WirebondError(
+                    f"{source.path} {what}; name a file that `wirebond record` has written, or say of which protocol a "
+                    "raw capture is: `--protocol FILE`, or in Python protocol='FILE'"
+                )
             self._problem("its first bytes are damaged")
         self._summary = read_summary(source)
         if self._summary is not None:

@@ -9,10 +9,12 @@ from pathlib import Path
 
 from wirebond.errors import UsageError, WirebondError
 from wirebond.link.attached.words import RecordingNote, StoredRecording
+from wirebond.recording import capture
 from wirebond.recording.glance import glance
+from wirebond.recording.layout import ENDING
 
 MOST_LISTED = 1000  # the newest ones
-ENDING = ".mcap"
+_ENDINGS = (ENDING, *capture.ENDINGS)
 
 
 class RecordingFolder:
@@ -29,7 +31,7 @@ class RecordingFolder:
         """
         try:
             with os.scandir(self.folder) as entries:
-                found = [(e.stat().st_mtime_ns, e.name) for e in entries if e.name.endswith(ENDING) and e.is_file()]
+                found = [(e.stat().st_mtime_ns, e.name) for e in entries if e.name.endswith(_ENDINGS) and e.is_file()]
         except OSError as error:
             raise WirebondError(f"cannot read the folder {self.folder}: {error.strerror or error}") from None
         return [self.folder / name for _, name in sorted(found, reverse=True)[:MOST_LISTED]]
@@ -47,7 +49,7 @@ class RecordingFolder:
         :raises UsageError: there is none in the folder.
         """
         path = self.folder / name
-        if Path(name).name != name or not name.endswith(ENDING) or "\0" in name or not path.is_file():
+        if Path(name).name != name or not name.endswith(_ENDINGS) or "\0" in name or not path.is_file():
             raise UsageError(
                 f"there is no recording {name!r:.100} in {self.folder}; list the recordings to see their names"
             )
@@ -73,6 +75,9 @@ def by_start(found: Iterable[StoredRecording | None]) -> list[StoredRecording]:
 
 
 def _seen(path: Path) -> StoredRecording:
+    if capture.is_capture(path):
+        stat = path.stat()
+        return StoredRecording(path.name, str(path), "capture", started=stat.st_mtime, size=stat.st_size)
     try:
         found = glance(path)
     except WirebondError as error:

@@ -19,9 +19,10 @@ import msgspec
 from wirebond.errors import UsageError, WirebondError
 from wirebond.link.attached.words import StoredRecording
 from wirebond.recording.apart import begin_closing
+from wirebond.recording.layout import ENDING
 from wirebond.recording.notes import annotate
 from wirebond.recording.recorder import Recorder
-from wirebond.server.recording_folder import ENDING, RecordingFolder, by_start
+from wirebond.server.recording_folder import RecordingFolder, by_start
 
 if TYPE_CHECKING:
     from wirebond.link import Link

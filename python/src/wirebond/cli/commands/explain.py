@@ -13,8 +13,9 @@ from rich.text import Text
 from wirebond import paths
 from wirebond.analysis.explain import Applied, Explanation, FittingGuess, Kind, Row, State, Stretch, explain
 from wirebond.analysis.explain.data import explanation_dict
+from wirebond.arguments import hex_bytes
 from wirebond.cli.output import console, write
-from wirebond.cli.values import hex_of, parse_hex, to_json
+from wirebond.cli.values import hex_of, to_json
 from wirebond.codec import load
 from wirebond.errors import ProtocolFileError, UsageError
 from wirebond.protocol import load as load_model
@@ -31,7 +32,7 @@ _ROW_BYTES = 16  # of hex in a line
 def explain_bytes(path: Path, hex_text: str, sender: str | None, as_json: bool) -> int:
     """Exit code 1 where bytes were given and not all of them belong to frames."""
     codec = load(path)
-    data = parse_hex(hex_text)
+    data = hex_bytes(hex_text)
     if not data:
         raise UsageError('--hex holds no bytes; write some, as "AA 55 01"')
     explanation = explain(codec.model, data, codec.tables.sender_for(sender), _peers(path, codec.model))

@@ -7,9 +7,10 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from wirebond.arguments import hex_bytes
 from wirebond.cli.output import ReaderGone, errors, write
 from wirebond.cli.shown import print_message, stats_line
-from wirebond.cli.values import hex_of, parse_assignments, parse_header, parse_hex, to_json
+from wirebond.cli.values import hex_of, parse_assignments, parse_header, to_json
 from wirebond.codec import load
 from wirebond.errors import MessageError, UsageError, WirebondError
 from wirebond.protocol.model import Message, Protocol
@@ -55,7 +56,7 @@ def decode_bytes(
     if header_words and expect is None:
         raise UsageError("--header here is that of the request; add --expect REQUEST")
     decoder.expect(expect, header=parse_header(codec.model, header_words) or None)
-    chunks = iter([parse_hex(hex_text)]) if hex_text is not None else _chunks(source or "-")
+    chunks = iter([hex_bytes(hex_text)]) if hex_text is not None else _chunks(source or "-")
     try:
         for chunk in chunks:
             for message in decoder.feed(chunk):
@@ -82,6 +83,6 @@ def _chunks(source: str) -> Iterator[bytes]:
         return
     if "\0" in source:
         raise UsageError("no file's name has a zero byte in it; name the capture")
-    with Path(source).open("rb") as file:
-        while chunk := file.read(_CHUNK):
-            yield chunk
+    from wirebond.recording.capture import captured  # noqa: PLC0415 it takes long to import
+
+    yield from captured(Path(source))

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from wirebond.analysis.identify.formats import Known, known_formats
 from wirebond.analysis.identify.ranking import rank
+from wirebond.arguments import hex_bytes
 from wirebond.cli.commands.identify_view import show, show_json
 from wirebond.cli.output import errors, plain
-from wirebond.cli.values import parse_hex
 from wirebond.errors import UsageError, WirebondError
 
 MOST_BYTES = 1 << 20  # that are looked at: more makes no format likelier
@@ -21,7 +21,7 @@ def identify_bytes(source: str | None, hex_text: str | None, also: Sequence[Path
     """Exit code 1 where no known format fits."""
     if (source is None) == (hex_text is None):
         raise UsageError('give bytes one way: the path of a capture, - for stdin, or --hex "AA 55 …"')
-    data = parse_hex(hex_text) if hex_text is not None else read_capture(source or "-")
+    data = hex_bytes(hex_text) if hex_text is not None else read_capture(source or "-")
     known = formats_with(also)
     candidates = rank(data, known.formats)
     (show_json if as_json else show)(candidates, len(data), known)
@@ -46,9 +46,15 @@ def read_capture(source: str) -> bytes:
             raise UsageError("no file's name has a zero byte in it; name the capture")
         if source.startswith(("sim:", "replay:")):
             raise UsageError(f"{source} knows its protocol; name the tty or tcp:// of a line, or a file with its bytes")
-        with Path(source).open("rb") as file:
-            return file.read(MOST_BYTES)
     data = bytearray()
+    if source != "-":
+        from wirebond.recording.capture import captured  # noqa: PLC0415 it takes long to import
+
+        for part in captured(Path(source)):
+            data += part
+            if len(data) >= MOST_BYTES:
+                break
+        return bytes(data[:MOST_BYTES])
     try:
         while len(data) < MOST_BYTES and (chunk := os.read(sys.stdin.fileno(), MOST_BYTES)):
             data += chunk

@@ -46,7 +46,7 @@ def show_info(path: Path, protocol: Path | None, as_json: bool, repair: bool) ->
     recording = read(path, protocol)
     accounts = {sender: recording.stats(sender) for sender in ("mcu", "host")}
     repaired = False
-    if repair and not recording.is_closed:
+    if repair and not recording.is_closed and not recording.is_capture:
         repaired = _close(path) and bool(recording.problems)  # otherwise it is only compressed
     if as_json:
         write(to_json(facts(recording, accounts, repaired)) + "\n")

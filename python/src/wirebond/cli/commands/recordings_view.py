@@ -23,6 +23,7 @@ def facts(recording: Recording, accounts: dict[str, Stats], repaired: bool) -> d
         "started": recording.started.isoformat(timespec="milliseconds"),
         "seconds": round(recording.duration, 6),
         "size": recording.size,
+        "capture": recording.is_capture,
         "finished": recording.is_finished,
         "repaired": repaired or bool(recording.repaired),
         "problems": list(recording.problems) or ([recording.repaired] if recording.repaired else []),
@@ -51,6 +52,8 @@ def lines(recording: Recording, accounts: dict[str, Stats], repaired: bool) -> l
         + ("" if recording.is_finished or repaired else "; not finished")
         + ("; repaired" if repaired else ""),
     ]
+    if recording.is_capture:
+        out.append(f"a raw capture without times: these are of a full line of {recording.codec.model.link.baud} baud")
     if recording.protocol_hash not in ("", f"{recording.codec.hash:016x}"):
         out.append(f"decoded with another protocol: its hash is {recording.codec.hash:016x}")
     if recording.repaired:

@@ -42,9 +42,9 @@ class HangUpError(Exception):
     """The program closed its side of the pty."""
 
 
-def replay_to_pty(path: Path, section: Section, sender: str | None, link: Path | None) -> int:
+def replay_to_pty(path: Path, protocol: Path | None, section: Section, sender: str | None, link: Path | None) -> int:
     """What the recorded link read comes out of the pty; what is written to it is read and dropped."""
-    recording = _read(path)
+    recording = _read(path, protocol)
     direction = "received" if sender is None else recording.direction_of(sender)
     port = PtyPort()
     with symlinked(port.path, link) as name:
@@ -96,9 +96,9 @@ def _drain(port: PtyPort) -> None:
         time.sleep(_LOOK)
 
 
-def replay_to_program(path: Path, section: Section, program: Path, out: Path | None) -> int:
+def replay_to_program(path: Path, protocol: Path | None, section: Section, program: Path, out: Path | None) -> int:
     """Tells whether the firmware sent what was recorded."""
-    recording = _read(path)
+    recording = _read(path, protocol)
     if not os.access(program, os.X_OK) or program.is_dir():
         reason = "is no program that may be run" if program.exists() else "is not there"
         raise UsageError(f"{program} {reason}; give a firmware that was built for this computer with the lockstep port")
@@ -122,8 +122,8 @@ def replay_to_program(path: Path, section: Section, program: Path, out: Path | N
     return 0
 
 
-def _read(path: Path) -> Recording:
-    recording = read(path, None)
+def _read(path: Path, protocol: Path | None) -> Recording:
+    recording = read(path, protocol)
     for problem in recording.problems:
         warn(problem)
     return recording

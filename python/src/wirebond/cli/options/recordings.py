@@ -13,9 +13,17 @@ from wirebond.cli.options.shared import AsJson, Baud, Port, ProtocolFile, Role
 from wirebond.errors import UsageError
 
 commands = typer.Typer()
-RecordingFile = Annotated[Path, typer.Argument(metavar="RECORDING", help="A file of `wirebond record`.")]
+RecordingFile = Annotated[
+    Path,
+    typer.Argument(
+        metavar="RECORDING", help="A file of `wirebond record`; with --protocol a raw capture (.bin, .hex)."
+    ),
+]
 OtherProtocol = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="Decode with this protocol file, not with the recording's own.")
+    Path | None,
+    typer.Option(
+        metavar="FILE", help="Decode with this protocol file, not with the recording's own. Captures need it."
+    ),
 ]
 
 
@@ -87,6 +95,7 @@ def export_messages(
 @commands.command()
 def replay(
     recording: RecordingFile,
+    protocol: OtherProtocol = None,
     speed: Annotated[str, typer.Option(metavar="X|max", help="Times as fast; max or 0: as fast as possible.")] = "1",
     start: Annotated[str | None, typer.Option("--from", metavar="12.5s", help="Begin here.")] = None,
     stop: Annotated[str | None, typer.Option("--to", metavar="20s", help="End here.")] = None,
@@ -112,7 +121,7 @@ def replay(
     if into is None:
         if out is not None:
             raise UsageError("--out goes with --into; to copy a recording, copy the file")
-        raise typer.Exit(replay_to_pty(recording, section, sender, link))
+        raise typer.Exit(replay_to_pty(recording, protocol, section, sender, link))
     if pty or link is not None or loop or sender is not None:
         raise UsageError("--into takes the host's bytes once; --pty, --link, --loop and --sender do not go with it")
-    raise typer.Exit(replay_to_program(recording, section, into, out))
+    raise typer.Exit(replay_to_program(recording, protocol, section, into, out))

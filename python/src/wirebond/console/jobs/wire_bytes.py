@@ -54,9 +54,12 @@ def candidates_dict(candidates: Sequence[Candidate], size: int, tried: int) -> d
     return {"bytes": size, "formats_tried": tried, "matches": matches}
 
 
-def decoded_recording(text: str, path: Path) -> dict[str, Any]:
-    """How a recording decodes under its own file and under this one."""
-    edited, own = codec_of(text), Recording(path)
+def decoded_recording(text: str, path: Path, capture_of: tuple[str, str] | None) -> dict[str, Any]:
+    """How a recording decodes under its own file and under this one.
+
+    :param capture_of: text and name of the file that a raw capture is decoded with; None: it is no capture.
+    """
+    edited, own = codec_of(text), Recording(path, None if capture_of is None else codec_of(*capture_of))
     again = Recording(path, edited)  # which reply is meant depends on the file
     before = _source(own.codec, End(own.role), own.idle, {end: own.reads(end) for end in ENDS})
     after = _source(edited, End(own.role), edited.model.idle_seconds, {end: again.reads(end) for end in ENDS})

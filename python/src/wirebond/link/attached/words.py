@@ -293,7 +293,8 @@ class StoredRecording(msgspec.Struct, frozen=True):
     :ivar name: of the file in the folder.
     :ivar path: of the file on the server's computer.
     :ivar state: ``recording``; ``closing``: it is whole, and is being compressed; ``closed``; ``unclosed``: it is not
-        compressed, since its program was killed or the disk was full; ``unreadable``.
+        compressed, since its program was killed or the disk was full; ``capture``: it is a raw capture, which has
+        neither times nor a protocol; ``unreadable``.
     :ivar started: in seconds since 1970.
     :ivar seconds: how long it is.
     :ivar size: bytes of the file.
@@ -307,7 +308,7 @@ class StoredRecording(msgspec.Struct, frozen=True):
 
     name: str
     path: str
-    state: Literal["recording", "closing", "closed", "unclosed", "unreadable"]
+    state: Literal["recording", "closing", "closed", "unclosed", "capture", "unreadable"]
     started: float = 0.0
     seconds: float = 0.0
     size: int = 0
