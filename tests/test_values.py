@@ -94,7 +94,7 @@ def test_padding_is_no_field() -> None:
 
 
 def test_structs_are_shown_in_braces() -> None:
-    assert values_text({"a": {"x": 1.5, "on": True}, "b": [{"y": 2}]}) == "a {x 1.5  on yes}  b [{y 2}]"
+    assert values_text({"a": {"x": 1.5, "on": True}, "b": [{"y": 2}]}) == "a.x 1.5  a.on yes  b.y [2]"
 
 
 def test_simulator_makes_up_valid_values_of_every_shape() -> None:

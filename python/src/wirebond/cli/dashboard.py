@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from wirebond.analysis.diagnosis import Diagnosis
+from wirebond.cli.message_rows import MessageRows, Row, Widths
 from wirebond.cli.shown import behind_schedule, log_text, sequence_parts, unlisted_text, values_text
 from wirebond.codec import Message
 from wirebond.link import Link, LinkStats
@@ -30,6 +31,7 @@ class _Seen:
     count: int = 0
     times: deque[float] = field(default_factory=deque)
     last: Message | None = None
+    widths: Widths = field(default_factory=Widths)
 
     def rate(self, now: float) -> float:
         """Messages a second over the window: intervals between the messages in it."""
@@ -76,36 +78,30 @@ class Dashboard:
         title = f"{escape(self._title)}  [{_STATE_STYLE[state]}]{state}[/]"
         return Panel(Group(*parts), title=title, subtitle="Ctrl-C ends", border_style="dim")
 
-    def _messages(self, now: float) -> Table:
-        table = Table(box=None, expand=True, pad_edge=False)
-        table.add_column("message", style="bold", no_wrap=True)
-        table.add_column("count", justify="right", no_wrap=True)
-        table.add_column("rate", justify="right", no_wrap=True)
-        table.add_column("last values", ratio=1, overflow="ellipsis", no_wrap=True)
-        for name in sorted(self._seen):
-            seen = self._seen[name]
-            text = Text() if seen.last is None else self._said(seen.last)
-            if seen.last is not None and seen.last.violations:
-                text.append("  " + "; ".join(seen.last.violations), style="red")
-            table.add_row(Text(name), str(seen.count), f"{seen.rate(now):.1f} Hz", text)
-        if not self._seen:
-            table.add_row("-", "0", "", Text("nothing received yet", style="dim"))
-        return table
+    def _messages(self, now: float) -> MessageRows:
+        return MessageRows([self._row(name, self._seen[name], now) for name in sorted(self._seen)])
+
+    def _row(self, name: str, seen: _Seen, now: float) -> Row:
+        message, rate = seen.last, f"{seen.rate(now):.1f} Hz"
+        if message is None:
+            return Row(name, str(seen.count), rate, {}, seen.widths)
+        said = self._said(message)
+        fields = message.fields if said is None else {}
+        header = values_text({n: v for n, v in message.header.items() if n != self._peer}, between=", ")
+        shown = Text.assemble(f"[{header}] " if header else "", said or "")
+        return Row(name, str(seen.count), rate, fields, seen.widths, shown, "; ".join(message.violations))
 
     def _title_of(self, message: Message) -> str:
         """Its name; where frames say who sent them, of each sender a row of its own."""
         peer = message.header.get(self._peer) if self._peer else None
         return message.name if peer is None else f"{message.name} [{self._peer} {peer}]"
 
-    def _said(self, message: Message) -> Text:
-        line = self._link.codec.log_line(message)
-        header = values_text({n: v for n, v in message.header.items() if n != self._peer}, between=", ")
-        counters = self._link.codec.counters(message)
+    def _said(self, message: Message) -> Text | None:
+        """What stands in the place of its values, where it is a line of the log or counts what the MCU did."""
+        line, counters = self._link.codec.log_line(message), self._link.codec.counters(message)
         if counters is not None:
-            said = Text(str(counters))
-        else:
-            said = Text(values_text(message.fields)) if line is None else log_text(line)
-        return Text.assemble(f"[{header}] " if header else "", said)
+            return Text(str(counters))
+        return None if line is None else log_text(line)
 
     def _statistics(self, now: float, stats: LinkStats) -> Table:
         rates = self._link.rates(_WINDOW)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
@@ -149,9 +150,28 @@ def unlisted_text(stats: Stats) -> str:
     return "; ".join(shown) + ("; ..." if len(kinds) > _MOST_KINDS else "")
 
 
-def values_text(fields: dict[str, Any], between: str = "  ") -> str:
+def values_text(fields: Mapping[str, Any], between: str = "  ") -> str:
     """Field values for a person: short numbers, units left to the column's reader."""
-    return between.join(f"{name} {_value_text(value)}" for name, value in fields.items())
+    return between.join(f"{path} {text_of(value)}" for path, value in flat_values(fields))
+
+
+def text_of(value: str | list[str]) -> str:
+    """One value of `flat_values`."""
+    return value if isinstance(value, str) else f"[{' '.join(value)}]"
+
+
+def flat_values(fields: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, str | list[str]]]:
+    """Each value with its path, as text. An array is a list of texts, and so is each field of a group's elements."""
+    for name, value in fields.items():
+        path = f"{above}{name}"
+        if isinstance(value, dict):
+            yield from flat_values(value, f"{path}.")
+        elif not isinstance(value, list):
+            yield path, _value_text(value)
+        elif value and all(isinstance(one, dict) and one.keys() == value[0].keys() for one in value):
+            yield from flat_values({key: [one[key] for one in value] for key in value[0]}, f"{path}.")
+        else:
+            yield path, [_value_text(one) for one in value]
 
 
 def _value_text(value: Any) -> str:
