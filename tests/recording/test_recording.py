@@ -285,6 +285,22 @@ def test_parquet_has_the_columns(tmp_path: Path, diffdrive: wirebond.Codec, monk
     assert table["t"].to_pylist() == recordings.open(path).columns()["odometry"].t.tolist()
 
 
+def test_parquet_has_the_units_and_the_names_of_numbers(tmp_path: Path) -> None:
+    file = tmp_path / "kinds.yaml"
+    file.write_text(KINDS.replace("axes: {type: i16, ", "axes: {type: i16, unit: m/s, "))
+    proto = wirebond.load(file)
+    data = proto.encode("all", name="a", data=b"abc", axes=[1, 2], mode="drive", bits=["a"], list=[1])
+    path = made(tmp_path / "run.mcap", proto, [Chunk(0.1, 0.1, "received", data)])
+    assert main(["export", str(path), "--to", "parquet", "-o", str(tmp_path)]) == 0
+    schema = parquet.read_schema(tmp_path / "all.parquet")
+    about = {name: schema.field(name).metadata or {} for name in schema.names}
+    assert about["t"][b"unit"] == b"s"
+    assert about["axes[0]"] == about["axes[1]"] == {**about["axes[0]"], b"unit": b"m/s"}
+    assert json.loads(about["mode"][b"enum"]) == {"0": "idle", "1": "drive"}
+    assert json.loads(about["bits"][b"flags"]) == {"0": "a", "1": "b"}
+    assert b"unit" not in about["name"]
+
+
 def test_parquet_takes_every_kind_of_column(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Texts, bytes, lists that are empty at first, arrays, enums and flags."""
     monkeypatch.setattr("wirebond.recording.export._ROWS", 2)

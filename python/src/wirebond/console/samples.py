@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -12,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wirebond.codec import Table
-from wirebond.protocol.model import End, Field
+from wirebond.protocol.model import End
 from wirebond.protocol.stamps import stamp_of
 from wirebond.recording.history.source import Source
 from wirebond.recording.stamps import RecordedClock
 
 _ROWS = 1 << 14  # written at a time
-_INDEX = re.compile(r"\[\d+\]")
 _Values = NDArray[np.generic]
 
 
@@ -128,9 +126,5 @@ def _cells(
 
 def _with_unit(source: Source, name: str) -> str:
     _, message, column = source.history.find(name)
-    fields: Sequence[Field] = source.codec.model.message(message).fields
-    unit = None
-    for part in _INDEX.sub("", column).split("."):
-        field = next((one for one in fields if one.name == part), None)
-        fields, unit = (field.fields, field.unit) if field is not None else ((), None)
-    return f"{name} [{unit}]" if unit else name
+    field = source.codec.model.message(message).field_at(column)
+    return f"{name} [{field.unit}]" if field is not None and field.unit else name

@@ -14,12 +14,14 @@ import numpy as np
 
 from wirebond.codec import Table
 from wirebond.errors import UsageError, WirebondError
+from wirebond.protocol.model import Message
 from wirebond.protocol.problems import no_message
 from wirebond.recording.closing import write_mcap
 from wirebond.recording.recording import Recording
 from wirebond.recording.whole import whole_file
 
 FORMATS = ("csv", "parquet", "mcap")
+_TIMES = ("t", "stamp.t", "stamp.error")  # columns that are no fields; seconds
 _ROWS = 65536  # written at a time
 Progress = Callable[[int, int], object]
 
@@ -59,14 +61,14 @@ def export(
         _refuse_existing([out], force)
         write_mcap(recording, out, raw=False, message=message, new=not force, progress=progress)
         return [out]
-    tables = dict(_tables(recording, message))
-    _refuse_existing([folder / f"{name}.{to}" for name in tables], force)
-    total, done = sum(len(table) for table in tables.values()), 0
+    tables = list(_tables(recording, message))
+    _refuse_existing([folder / f"{name}.{to}" for name, _, _ in tables], force)
+    total, done = sum(len(table) for _, _, table in tables), 0
     written = []
-    for name, table in tables.items():
+    for name, of, table in tables:
         out = folder / f"{name}.{to}"
         with whole_file(out, new=not force) as file:
-            for rows in (_write_csv if to == "csv" else _write_parquet)(file, table):
+            for rows in _write_csv(file, table) if to == "csv" else _write_parquet(file, table, of):
                 done += rows
                 if progress is not None:
                     progress(done, total)
@@ -84,14 +86,15 @@ def _refuse_existing(files: list[Path], force: bool) -> None:
         )
 
 
-def _tables(recording: Recording, message: str | None) -> Iterator[tuple[str, Table]]:
-    """By file name: the message's, with the end that sent it where both did."""
+def _tables(recording: Recording, message: str | None) -> Iterator[tuple[str, Message | None, Table]]:
+    """File name, message and rows; both ends have sent some: the end is in the name. None: frames that are unknown."""
+    known = {one.name: one for one in recording.codec.model.messages}
     of = {sender: recording.columns(sender) for sender in ("mcu", "host")}
     for sender, columns in of.items():
         for name, table in columns.items():
             if message in (None, name):
                 in_both = all(name in other for other in of.values())
-                yield (f"{sender}-{name}" if in_both else name), table
+                yield (f"{sender}-{name}" if in_both else name), known.get(name), table
 
 
 def flat_columns(table: Table) -> dict[str, Any]:
@@ -147,7 +150,7 @@ def _write_csv(file: IO[bytes], table: Table) -> Iterator[int]:
             part = column[begin:end]
             if not isinstance(part, np.ndarray):
                 part = [_cell(value) for value in part]
-            elif name in ("t", "stamp.t", "stamp.error"):
+            elif name in _TIMES:
                 part = ["" if np.isnan(value) else value for value in np.round(part, 6).tolist()]
             else:
                 part = part.tolist()
@@ -172,21 +175,35 @@ def _pyarrow() -> tuple[Any, Any]:
     return pyarrow, pyarrow.parquet
 
 
-def _write_parquet(file: IO[bytes], table: Table) -> Iterator[int]:
+def _write_parquet(file: IO[bytes], table: Table, message: Message | None) -> Iterator[int]:
     arrow, parquet = _pyarrow()
     columns = flat_columns(table)
+    about = {name: _about(name, message) for name in columns}
     schema, writer = None, None
     for begin in range(0, len(table), _ROWS):
         end = min(begin + _ROWS, len(table))
         arrays = {name: arrow.array(_arrow_values(column[begin:end])) for name, column in columns.items()}
         rows = arrow.table(arrays, schema=schema)
         if writer is None:
-            schema = rows.schema
+            schema = arrow.schema([one.with_metadata(about[one.name]) for one in rows.schema])
+            rows = rows.cast(schema)
             writer = parquet.ParquetWriter(file, schema)
         writer.write_table(rows)
         yield end - begin
     if writer is not None:
         writer.close()
+
+
+def _about(column: str, message: Message | None) -> dict[str, str]:
+    """The metadata of a column: its unit, and the names of its numbers as JSON."""
+    if column in _TIMES:
+        return {"unit": "s"}
+    field = None if message is None else message.field_at(column)
+    if field is None:
+        return {}
+    names = {"enum": field.enum, "flags": field.flags}
+    found = {key: json.dumps({str(number): name for name, number in pairs}) for key, pairs in names.items() if pairs}
+    return {**({"unit": field.unit} if field.unit else {}), **found}
 
 
 def _arrow_values(column: Any) -> Any:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from enum import StrEnum
 
 from wirebond.protocol.model.fields import ByteOrder, End, Field
+
+_INDEX = re.compile(r"\[\d+\]")  # in the name of a column
 
 
 class Queue(StrEnum):
@@ -108,6 +111,14 @@ class Message:
     @property
     def max_payload(self) -> int:
         return sum(f.max_wire_bytes for f in self.fields)
+
+    def field_at(self, column: str) -> Field | None:
+        """The field of a column, such as `joints[3].position`; None: no field has its values."""
+        fields, found = self.fields, None
+        for name in _INDEX.sub("", column).split("."):
+            found = next((field for field in fields if field.name == name), None)
+            fields = () if found is None else found.fields
+        return found
 
     def sent_by(self, end: End | None) -> bool:
         return end is None or end == End.BOTH or self.sender in (end, End.BOTH)
