@@ -2,12 +2,15 @@
 
 ``columns_frames_per_s``: a whole capture to a column for each field. ``messages_per_s``: every message for itself,
 every field of it read. In the same run, all codecs taking turns; medians over the rounds, ratios within a round.
+``columns_groups_frames_per_s``: the states of twelve joints, as `wirebond new --has joints=12` describes them, to 37
+columns.
 """
 
 from __future__ import annotations
 
 import gc
 import importlib
+import random
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,10 +21,15 @@ from bench.figures import Figure
 from bench.peers.wirebond_codec import Wirebond
 from bench.peers.work import Codec, Sample, samples
 from bench.report import Comparison, write_comparison
+from wirebond.codec import Codec as Protocol
+from wirebond.generate.new.template import template_text
+from wirebond.protocol import loads
 
 FRAMES = 90_000
 ROUNDS = 9
 LEAST_SECONDS = 0.1  # of one measurement: the work is done again until so much time has gone by
+JOINTS = 12
+REPEATED = 10  # how often the frames of joints stand in their stream
 COMMAND = "make bench ONLY=columns"
 
 PEERS = (
@@ -72,6 +80,39 @@ def rate(work: Callable[[bytes], object], entry: Entry, least_seconds: float) ->
             return entry.frames * times / seconds
 
 
+def joint_states(frames: int) -> tuple[Protocol, bytes]:
+    """Their protocol, and a stream of so many frames."""
+    protocol = Protocol(loads(template_text("native", "legs", {"joints": JOINTS}), "legs.yaml"))
+    chance = random.Random(1)
+    data = bytearray()
+    for number in range(frames // REPEATED):
+        joints = [
+            {"position": chance.uniform(-3, 3), "velocity": chance.uniform(-9, 9), "torque": chance.uniform(-20, 20)}
+            for _ in range(JOINTS)
+        ]
+        data += protocol.encode("joint_states", measured=number * 20_000, joints=joints)
+    return protocol, bytes(data) * REPEATED
+
+
+def measure_groups(frames: int = FRAMES, rounds: int = ROUNDS, least_seconds: float = LEAST_SECONDS) -> Figure:
+    """Frames a second, the median over the rounds.
+
+    :raises RuntimeError: a frame is missing, or a column.
+    """
+    protocol, stream = joint_states(frames)
+    table = protocol.decode_columns(stream)["joint_states"]
+    if len(table) != frames or len(table.fields) != 1 + 3 * JOINTS:
+        raise RuntimeError(f"{len(table)} of {frames} frames came as {len(table.fields)} columns")
+    rates = []
+    for _ in range(rounds):
+        times, start, seconds = 0, time.perf_counter(), 0.0
+        while seconds < least_seconds:
+            protocol.decode_columns(stream)
+            times, seconds = times + 1, time.perf_counter() - start
+        rates.append(frames * times / seconds)
+    return Figure("columns_groups_frames_per_s", median(rates), "frames/s", 1e6, COMMAND, at_most=False)
+
+
 def measure(frames: int = FRAMES, rounds: int = ROUNDS, least_seconds: float = LEAST_SECONDS) -> list[Figure]:
     contest = entries(frames)
     columns: dict[str, list[float]] = {entry.codec.name: [] for entry in contest}
@@ -101,4 +142,5 @@ def measure(frames: int = FRAMES, rounds: int = ROUNDS, least_seconds: float = L
             figures.append(Figure(key, ratio, "times", goal, COMMAND, at_most=False))
     found = median(messages[Wirebond.name])
     figures.append(Figure("messages_per_s", found, "messages/s", 4e5, COMMAND, at_most=False))
+    figures.append(measure_groups(frames, rounds, least_seconds))
     return figures
