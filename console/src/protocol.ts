@@ -16,6 +16,7 @@ export interface Field {
   max_count: number | null;
   size: number | null;
   is_count: boolean;
+  is_time: boolean; // when the values of its message were measured
   fields: Field[] | null;
   columns: string[];
 }
@@ -83,6 +84,18 @@ export function columnsOf(protocol: Protocol): { column: string; field: Field; m
   };
   for (const message of protocol.messages) walk(message, message.fields);
   return found;
+}
+
+/** By message: each field that can be plotted, with its columns: `state.joints.position` with one of each joint. */
+export function wholeFields(table: ReadonlyMap<string, Field>): [string, { path: string; columns: string[] }[]][] {
+  const messages = new Map<string, Map<string, string[]>>();
+  for (const column of table.keys()) {
+    const message = column.split(".", 1)[0]!;
+    const path = column.replace(/\[\d+\]/g, "");
+    const fields = messages.get(message) ?? new Map<string, string[]>();
+    messages.set(message, fields.set(path, [...(fields.get(path) ?? []), column]));
+  }
+  return [...messages].map(([message, fields]) => [message, [...fields].map(([path, columns]) => ({ path, columns }))]);
 }
 
 /** What a form begins with: the default, else the value nearest to zero that is allowed. */

@@ -10,8 +10,12 @@ import pytest
 from bench.console_scrub import HOUR, PEAK, look
 from playwright.sync_api import Browser, Page, expect
 
-from tests.console.browser import DIFFDRIVE, Desk, noisy_robot, open_page
+import wirebond
+from tests.console.browser import DIFFDRIVE, Desk, noisy_robot, open_page, serious
 from tests.waiting import wait_until
+from wirebond.console import Console
+from wirebond.generate.new.template import template_text
+from wirebond.server import Server
 
 pytestmark = pytest.mark.live
 
@@ -90,6 +94,34 @@ def test_eight_series_have_eight_colours_that_a_reload_keeps(rover: Desk) -> Non
     page.reload()
     expect(page.locator(".legend .swatch")).to_have_count(6)
     assert page.locator(".legend .swatch").evaluate_all(swatches) == kept
+
+
+def test_twelve_joints_are_twelve_lines_with_one_click(browser: Browser, tmp_path: Path) -> None:
+    file = tmp_path / "legs.yaml"
+    file.write_text(template_text("native", "legs", {"joints": 12}))
+    with (
+        wirebond.open(file, "sim:") as link,
+        Server(link, tmp_path / "server.sock") as server,
+        Console(port=0) as console,
+    ):
+        console.show(link, server)
+        page = open_page(browser, console, "plots")
+        is_drawn(page)
+        expect(page.locator(".legend .entry")).to_have_count(12)  # a first plot has all of them, and not some
+        velocities = page.get_by_role("button", name=re.compile(r"^joints\.velocity"))
+        velocities.last.click()
+        expect(page.locator(".plot")).to_have_count(2)
+        lines = page.locator(".plot").nth(1).locator(".legend .entry")
+        expect(lines).to_have_count(12)
+        expect(lines.nth(11)).to_contain_text("joints[11].velocity")
+        expect(lines.nth(11).locator(".value")).to_have_text(re.compile(r"\d"))
+        expect(velocities.last).to_have_attribute("aria-pressed", "true")
+        velocities.last.click()
+        expect(page.locator(".legend .entry")).to_have_count(12)
+        page.get_by_role("button", name="Elements of joint_states.joints.velocity").click()
+        page.get_by_role("button", name="joints[3].velocity").click()
+        expect(page.locator(".legend .entry")).to_have_count(13)
+        assert serious(page) == []
 
 
 def test_a_plot_is_zoomed_moved_paused_and_read_at_the_cursor(browser: Browser) -> None:

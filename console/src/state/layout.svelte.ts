@@ -44,10 +44,15 @@ export class Layout {
     this.plots = [];
     this.colours = new Map();
     const regular = columnsOf(protocol).filter(
-      ({ message, field }) => message.sender === "mcu" && message.every !== null && field.kind === "number",
+      ({ message, field }) =>
+        message.sender === "mcu" && message.every !== null && field.kind === "number" && !field.is_time,
     );
     const byUnit = new Map<string, string[]>();
-    for (const { column, field, message } of regular.slice(0, FIRST_FIELDS)) {
+    // An array is taken whole.
+    const first = regular.filter(
+      ({ field }, at) => regular.findIndex((one) => one.field === field) < FIRST_FIELDS && at < MOST_FIELDS,
+    );
+    for (const { column, field, message } of first) {
       const key = `${message.name} ${field.unit ?? ""}`;
       byUnit.set(key, [...(byUnit.get(key) ?? []), column]);
     }

@@ -54,6 +54,7 @@ const field = (name: string, more: Partial<Field> = {}) =>
     count: null,
     max_count: null,
     is_count: false,
+    is_time: false,
     default: null,
     values: null,
     ...more,

@@ -31,6 +31,7 @@ const field = (more: Partial<Field>): Field => ({
   max_count: null,
   size: null,
   is_count: false,
+  is_time: false,
   fields: null,
   columns: [],
   ...more,

@@ -369,6 +369,8 @@ export const en = {
     add: "New plot",
     drop: "Drag fields here, or choose them.",
     choose: "Add a field",
+    lines: (count: number) => `${count} lines`,
+    elements: (field: string) => `Elements of ${field}`,
     fields: "Fields",
     empty: "No plot yet. Drag a field here, or make a new plot.",
     pause: "Pause",

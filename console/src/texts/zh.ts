@@ -360,6 +360,8 @@ export const zh: Texts = {
     add: "新建曲线图",
     drop: "把字段拖到这里，或从列表选择。",
     choose: "添加字段",
+    lines: (count: number) => `${count} 条线`,
+    elements: (field: string) => `${field} 的元素`,
     fields: "字段",
     empty: "还没有曲线图。把字段拖到这里，或新建一个。",
     pause: "暂停",

@@ -123,6 +123,7 @@ def field_form(field: Field) -> dict[str, Any]:
         "max_count": field.max_count or None,
         "size": field.room or None if field.is_string else None,
         "is_count": field.is_count,
+        "is_time": field.clock is not None,
     }
 
 
