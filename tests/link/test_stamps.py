@@ -63,20 +63,21 @@ def mcu() -> Iterator[Mcu]:
 
 
 def states(link: wirebond.Link, number: int) -> list[wirebond.Message]:
-    """Messages with a stamp."""
+    """Messages with a stamp, so many or more, until one is known well: on a busy machine exchanges may take long."""
     found: list[wirebond.Message] = []
 
     def look() -> bool:
         found.extend(m for m in link.receive(0.05) if m.name == "state" and m.stamp is not None)
-        return len(found) >= number
+        return len(found) >= number and any((m.stamp_error or 1) < 0.1 for m in found)
 
     wait_until(look, "states with stamps")
     return found
 
 
-def is_true(mcu: Mcu, message: wirebond.Message) -> bool:
-    assert message.stamp is not None and message.stamp_error is not None
-    return abs(message.stamp - mcu.true(message["measured"])) <= message.stamp_error < 0.1
+def untrue(mcu: Mcu, found: list[wirebond.Message]) -> list[tuple[float, float | None]]:
+    """How far stamps are off that are further off than they say, and what they say."""
+    off = [(abs((m.stamp or 0) - mcu.true(m["measured"])), m.stamp_error) for m in found]
+    return [(by, error) for by, error in off if not 0 <= by <= (error or 0)]
 
 
 def test_messages_of_a_link_have_their_time_of_measurement(mcu: Mcu) -> None:
@@ -86,7 +87,7 @@ def test_messages_of_a_link_have_their_time_of_measurement(mcu: Mcu) -> None:
         assert newest.message.stamp is None  # nobody asks for the MCU's clock
     with wirebond.open(AXIS, mcu.port) as link:
         found = states(link, 20)
-        assert all(is_true(mcu, message) for message in found)
+        assert untrue(mcu, found) == []
         assert [m.stamp for m in found] == sorted(m.stamp for m in found if m.stamp is not None)
         assert all(m.stamp is None for m in link.receive(0.05) if m.name != "state")
 
@@ -96,7 +97,7 @@ def test_an_attached_link_gives_the_same(mcu: Mcu, tmp_path: Path) -> None:
     with wirebond.open(AXIS, mcu.port) as link, Server(link, path):
         wait_until(lambda: link.clock is not None, "the clock")
         with wirebond.open(f"wirebond://{path}") as attached:
-            assert all(is_true(mcu, message) for message in states(attached, 10))
+            assert untrue(mcu, states(attached, 10)) == []
 
 
 def test_a_recording_has_them_in_messages_columns_and_exports(mcu: Mcu, tmp_path: Path) -> None:
