@@ -1,6 +1,6 @@
 // What of a protocol can be tuned: its parameter service, and messages that set numbers. It sends nothing.
 import { drivable } from "./drive";
-import type { Field, Message, Protocol } from "./protocol";
+import { columnsOf, type Field, type Message, type Protocol } from "./protocol";
 
 export interface Parameter {
   key: string; // unique within the source
@@ -94,15 +94,15 @@ const rank = (source: Source) => (source.isService ? 0 : source.read ? 1 : sourc
 /** Columns that show what a change does, until the reader chooses: the robot's first regular fields of one unit, which is
  *  that of what is driven where it reports such a field. */
 export function answering(protocol: Protocol): string[] {
-  const fields = protocol.messages
-    .filter((message) => message.sender === "mcu" && message.every !== null)
-    .flatMap((message) => message.fields)
-    .filter((field) => field.kind === "number" && field.columns.length);
+  const all = columnsOf(protocol).filter(
+    ({ field, message }) =>
+      message.sender === "mcu" && message.every !== null && field.kind === "number" && !field.is_time,
+  );
   const driven = drivable(protocol).flatMap((drive) => drive.axes.map((axis) => axis.field.unit));
-  const first = fields.find((field) => field.unit && driven.includes(field.unit)) ?? fields[0];
-  return fields
-    .filter((field) => field.unit === first?.unit)
-    .flatMap((field) => field.columns)
+  const first = all.find(({ field }) => field.unit && driven.includes(field.unit)) ?? all[0];
+  return all
+    .filter(({ field }) => field.unit === first?.field.unit)
+    .map(({ column }) => column)
     .slice(0, 2);
 }
 

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { asCpp, asYaml, isSame, readValues, refusal, sourcesOf } from "../parameters";
+import { answering, asCpp, asYaml, isSame, readValues, refusal, sourcesOf } from "../parameters";
 import type { Field, Message, Protocol } from "../protocol";
 import { analyse, stillness } from "../step";
 
@@ -93,6 +93,14 @@ test("a message that names its one value has a parameter for each name that is n
     { selector: { name: "max_linear" } },
     { selector: { name: "max_angular" } },
   ]);
+});
+
+test("elements of a group show what a change does, and a time stamp does not", () => {
+  const positions = field("position", { unit: "rad", columns: ["legs.joints[0].position", "legs.joints[1].position"] });
+  const joints = field("joints", { kind: "struct", columns: [], fields: [positions] });
+  const measured = field("measured", { unit: "us", is_time: true, columns: ["legs.measured"] });
+  const legs = { ...message("legs", "mcu", [measured, joints]), every: 0.02 };
+  expect(answering({ ...pid, emergency_stop: [], messages: [legs] } as unknown as Protocol)).toEqual(positions.columns);
 });
 
 test("a result other than 0 is a refusal", () => {
