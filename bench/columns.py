@@ -81,7 +81,7 @@ def rate(work: Callable[[bytes], object], entry: Entry, least_seconds: float) ->
 
 
 def joint_states(frames: int) -> tuple[Protocol, bytes]:
-    """Their protocol, and a stream of so many frames."""
+    """The protocol of twelve joints, and a byte stream of `frames` of its frames."""
     protocol = Protocol(loads(template_text("native", "legs", {"joints": JOINTS}), "legs.yaml"))
     chance = random.Random(1)
     data = bytearray()

@@ -63,7 +63,10 @@ def mcu() -> Iterator[Mcu]:
 
 
 def states(link: wirebond.Link, number: int) -> list[wirebond.Message]:
-    """Messages with a stamp, so many or more, until one is known well: on a busy machine exchanges may take long."""
+    """At least `number` messages with a stamp, one of them known to 0.1 s.
+
+    On a busy machine an exchange of clock readings can take long, and the stamps are then known less well.
+    """
     found: list[wirebond.Message] = []
 
     def look() -> bool:
