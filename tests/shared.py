@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import json
+import random
+import socket
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -12,6 +15,7 @@ from typing import Any
 import pytest
 
 import wirebond
+from tests.waiting import moments
 from wirebond.protocol.apart import ends_look_alike
 from wirebond.protocol.loader import loads
 from wirebond.protocol.model import Protocol
@@ -27,6 +31,20 @@ QUICK_CXXFLAGS = "-O0 -DWIREBOND_INLINE=inline -DWIREBOND_INLINE_LAMBDA="  # pro
 def few_or_many(few: int, many: int) -> pytest.MarkDecorator:
     """Runs a test with ``number`` twice: with few in `make test`, and with many in `make prove`."""
     return pytest.mark.parametrize("number", [few, pytest.param(many, marks=pytest.mark.long)])
+
+
+def lasting_port() -> int:
+    """A TCP port of loopback that nothing listens at, for a server that closes it and opens it again.
+
+    It is below the range from which the kernel gives ports to other programs meanwhile.
+    """
+    chance = random.SystemRandom()
+    end = int(Path("/proc/sys/net/ipv4/ip_local_port_range").read_text().split()[0])
+    for _ in moments("a free port"):
+        number = chance.randrange(end // 2, end)
+        with contextlib.suppress(OSError), socket.create_server(("127.0.0.1", number)):
+            return number
+    raise AssertionError
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import tempfile
 import threading
 import time
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -99,7 +99,7 @@ class Robot:
         self.port.unlink(missing_ok=True)
 
     def ready(self, link: wirebond.Link) -> None:
-        """Ends the safe mode."""
+        """Ends the safe mode, once the robot has handled what the link sent before."""
         before = self._cleared
         link.send("parameter", name="clear_safe_mode", value=0)
         wait_until(lambda: self._cleared > before, "the end of the safe mode")
@@ -181,6 +181,23 @@ class Desk:
                 if moving := [v for v in self.robot.since(since) if v.linear > 0]:
                     return moving[0]
         raise AssertionError
+
+    def let_go(self, page: Page) -> float:
+        """Lets the key go. The time from which on the robot gets nothing but zero.
+
+        The first zero at the robot need not be that of the page: where renewals come late, leases of the server end in
+        between, and a velocity can still be on its way.
+        """
+        page.keyboard.up("ArrowUp")
+        expect(page.get_by_text("Let go: zero is sent")).to_be_visible()
+        wait_until(lambda: not any(self._newest_repeated().values()), "zero at the server")
+        self.robot.ready(self.link)
+        return time.monotonic()
+
+    def _newest_repeated(self) -> Mapping[str, Any]:
+        """The fields of the velocity that a page asked the server to repeat last."""
+        repeated = (one for one in reversed(self.server.log.commands()) if one.do == "repeat")
+        return next(repeated).fields or {}
 
 
 def open_page(

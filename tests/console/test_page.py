@@ -22,7 +22,7 @@ from tests.console.browser import (
     shows_the_robot,
     take_control,
 )
-from tests.shared import ROOT
+from tests.shared import ROOT, lasting_port
 from tests.waiting import let_pass, moments, wait_until
 from wirebond.console import Console
 
@@ -103,18 +103,17 @@ def test_the_pad_drives_while_a_key_is_held_and_stops_when_it_is_let_go(rover: D
     page.keyboard.up("ArrowUp")
     driving = rover.drive(page)
     assert driving.linear == 1.0  # half of the range
-    page.keyboard.up("ArrowUp")
-    expect(page.get_by_text("Let go: zero is sent")).to_be_visible()
-    stopped = rover.robot.wait_for(lambda v: v.linear == 0, time.monotonic())
+    stopped = rover.let_go(page)
+    rover.robot.wait_for(lambda v: v.linear == 0, stopped)
     let_pass(0.3)
-    assert all(velocity.linear == 0 for velocity in rover.robot.since(stopped.t))
+    assert all(velocity.linear == 0 for velocity in rover.robot.since(stopped))
 
+    pad.hover()  # waits until the page does not move; its middle
+    page.mouse.down()
     box = pad.bounding_box()
     assert box is not None
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-    page.mouse.down()
     page.mouse.move(box["x"] + box["width"], box["y"] + box["height"] / 2)
-    turning = rover.robot.wait_for(lambda v: v.angular < -1.5, stopped.t)
+    turning = rover.robot.wait_for(lambda v: v.angular < -1.5, stopped)
     page.evaluate("window.dispatchEvent(new Event('blur'))")  # the driver looks elsewhere
     rover.robot.wait_for(lambda v: v.angular == 0, turning.t)
     page.mouse.up()
@@ -123,12 +122,9 @@ def test_the_pad_drives_while_a_key_is_held_and_stops_when_it_is_let_go(rover: D
 def test_a_released_pad_repeats_zero_so_that_a_pause_does_not_end_in_safe_mode(rover: Desk) -> None:
     page = rover.page("control")
     rover.drive(page)
-    page.keyboard.up("ArrowUp")
-    expect(page.get_by_text("Let go: zero is sent")).to_be_visible()
-    released = rover.robot.velocities[-1].t
+    released = rover.let_go(page)
     rover.robot.wait_for(lambda v: v.linear == 0, released + 4)  # safe mode would hold after 3 s
-    rested = [v for v in rover.robot.velocities if v.t > released + 1]
-    assert all(v.linear == 0 and v.angular == 0 for v in rested)
+    assert all(v.linear == 0 and v.angular == 0 for v in rover.robot.since(released))
     expect(page.locator(".held")).to_have_count(0)
     form = page.get_by_role("form", name="velocity")
     form.get_by_role("spinbutton", name="linear").fill("0.5")
@@ -191,6 +187,7 @@ def test_control_is_handed_over_only_by_a_deliberate_act(rover: Desk) -> None:
     expect(first.get_by_role("log")).to_contain_text("Another program has taken control over")
     rover.robot.wait_for(lambda v: v.linear == 0, driving.t)
     expect(first.get_by_text("You are in control")).not_to_be_visible()
+    rover.robot.ready(rover.link)
     assert rover.robot.velocities[-1].linear == 0
 
 
@@ -235,7 +232,7 @@ def test_a_recording_is_made_opened_and_scrubbed_with_the_same_views(rover: Desk
 def test_a_server_that_is_gone_is_named_and_comes_back_without_control(
     browser: Browser, tmp_path: Path, rover: Desk
 ) -> None:
-    console = Console(port=0)
+    console = Console(port=lasting_port())
     console.show(rover.link, rover.server)
     page = open_page(browser, console, "control")
     take_control(page)

@@ -13,7 +13,7 @@ import pytest
 
 import wirebond
 from tests.link.protocol import manipulator, without_deadlines
-from tests.shared import account_closes
+from tests.shared import account_closes, lasting_port
 from tests.waiting import PATIENCE, wait_until
 from wirebond import LinkDownError, PortError, UsageError
 from wirebond.sim.pty_port import PtyPort
@@ -34,8 +34,9 @@ class Server:
     """A serial server: one connection at a time, on a port of loopback that stays the same."""
 
     def __init__(self) -> None:
-        self._listener = socket.create_server(("127.0.0.1", 0), backlog=1)
-        self.name = f"tcp://127.0.0.1:{self._listener.getsockname()[1]}"
+        self._number = lasting_port()
+        self.name = f"tcp://127.0.0.1:{self._number}"
+        self.listen()
 
     def accept(self) -> socket.socket:
         self._listener.settimeout(PATIENCE)
@@ -46,9 +47,8 @@ class Server:
     def close(self) -> None:
         self._listener.close()
 
-    def listen_again(self) -> None:
-        number = int(self.name.rpartition(":")[2])
-        self._listener = socket.create_server(("127.0.0.1", number), backlog=1)
+    def listen(self) -> None:
+        self._listener = socket.create_server(("127.0.0.1", self._number), backlog=1)
 
 
 @pytest.fixture
@@ -91,7 +91,7 @@ def test_frames_go_both_ways_over_tcp_and_the_link_comes_back(server: Server) ->
         wait(link, lambda: "nothing listens at" in link.why)  # what the newest try found
         with pytest.raises(LinkDownError, match="arm was not sent: nothing listens at tcp://"):
             link.send("arm", torque=5)
-        server.listen_again()
+        server.listen()
         connection = server.accept()
         wait(link, lambda: link.state != "down")
         connection.sendall(POSE)
@@ -111,7 +111,7 @@ def test_a_server_that_is_not_there_is_told_and_waited_for(server: Server) -> No
         wirebond.open(without_deadlines(), server.name)
     with wirebond.open(without_deadlines(), server.name, wait_for_port=True) as link:
         assert link.state == "down"
-        server.listen_again()
+        server.listen()
         server.accept().sendall(POSE)
         assert first(link).name == "pose"
         assert link.stats.reconnects == 0  # it had never been there

@@ -160,7 +160,7 @@ def test_an_answer_that_was_lost_is_asked_for_again() -> None:
         return b"" if len(asked) == 1 else mcu(message)
 
     with linked(NAMED, forgetful) as (link, _):
-        assert link.parameters.get("kp", timeout=1) == 5
+        assert link.parameters.get("kp", timeout=9) == 5
 
 
 def test_a_file_without_the_service_says_so() -> None:
@@ -229,7 +229,7 @@ def test_all_are_set_back_where_an_answer_is_missing() -> None:
 
     with linked(NAMED, forgetful) as (link, _):
         with pytest.raises(RequestTimeoutError, match=r"\nnothing was set$") as caught:
-            link.parameters.set_all({"kp": 9, "ki": 7}, timeout=0.5)
+            link.parameters.set_all({"kp": 9, "ki": 7}, timeout=5)
         assert mcu.values == {0: 5, 1: 6}
     assert caught.value.message == "set"
 

@@ -18,7 +18,7 @@ from serial.rfc2217 import PortManager
 
 import wirebond
 from tests.link.protocol import manipulator, without_deadlines
-from tests.shared import account_closes
+from tests.shared import account_closes, lasting_port
 from tests.waiting import PATIENCE, moments, wait_until
 from wirebond import PortError
 from wirebond.sim.pty_port import PtyPort
@@ -27,11 +27,6 @@ pytestmark = [pytest.mark.live, pytest.mark.filterwarnings("ignore:set.* is depr
 SER2NET = shutil.which("ser2net") or "/usr/sbin/ser2net"
 POSE = manipulator().encode("pose", x=255)  # 255 is a command of Telnet: it has to be escaped
 NOTE = {"number": 0xFFFFFFFF, "text": b"\xff\xff\xfa\x00\r\n\r\x11\x13"}
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as found:
-        return int(found.getsockname()[1])
 
 
 class Program:
@@ -74,7 +69,7 @@ class Served:
     """ser2net at ``tmp_path/tty``, under the link's name for it."""
 
     def __init__(self, kind: str, folder: Path) -> None:
-        number = free_port()
+        number = lasting_port()
         self.name = f"{kind}://127.0.0.1:{number}"
         accepter = "telnet(rfc2217),tcp" if kind == "rfc2217" else "tcp"
         configuration = folder / "ser2net.yaml"
@@ -253,7 +248,7 @@ def test_a_pty_pair_of_socat_carries_a_link_and_may_be_made_again(tmp_path: Path
 
 def test_socat_gives_a_tty_to_the_network(device: Callable[[], PtyPort], tmp_path: Path) -> None:
     far = device()
-    number = free_port()
+    number = lasting_port()
     socat = Program("socat", f"tcp-listen:{number},bind=127.0.0.1,reuseaddr", f"{tmp_path / 'tty'},raw,echo=0")
     try:
         with wirebond.open(without_deadlines(), f"tcp://127.0.0.1:{number}", wait_for_port=True) as link:

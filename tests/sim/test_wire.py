@@ -35,10 +35,12 @@ pytestmark = pytest.mark.live
 
 DATA = bytes(i % 251 for i in range(3000))
 
+# A pause of this machine within a frame is no silence.
 SHARED_LINE = """
 wirebond: 1
 protocol: shared_line
 link: {baud: 115200, echo: true, adapter_latency: 400 ms}
+idle: 5 s
 frame: [magic: 0xAA 0x55, length: u8, id: u8, payload: by_length, check: crc-16/modbus]
 messages:
   ask: {id: 1, sender: host, reply: answer, fields: {number: {type: u32}}}
