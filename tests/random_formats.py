@@ -9,6 +9,7 @@ import random
 import re
 from dataclasses import dataclass, field
 
+from tests.random_checks import random_check
 from tests.random_fields import FieldSource, Vary
 
 # Checks and their bytes.
@@ -60,12 +61,13 @@ class Part:
 
 def random_protocol(source: random.Random, number: int) -> str:
     """The text of a protocol file; nearly always of one that loads."""
-    return _FormatSource(source).text(number)
+    return _FormatSource(source, random.Random(f"checks {number}")).text(number)
 
 
 class _FormatSource:
-    def __init__(self, source: random.Random) -> None:
+    def __init__(self, source: random.Random, checks: random.Random) -> None:
         self._random = source
+        self._checks = checks  # of its own: a number stands for the same format, whatever checks there are
         framings = ["start"] * 5 + [
             "cobs",
             "cobs",
@@ -614,6 +616,8 @@ class _FormatSource:
             last = self._random.randrange(first, at)
         name = f"k{sum(part.kind == 'check' for part in self._parts)}"
         kind, width = self._random.choice(list((SHORT_CHECKS if header else CHECKS).items()))
+        if self._checks.random() < 0.3:
+            kind, width = random_check(self._checks)
         options = [f"type: {kind}"]
         if explicit:
             names = [self._parts[i].name for i in (first, last)]

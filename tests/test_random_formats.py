@@ -18,6 +18,7 @@ from tests import reference
 from tests.conformance.build import BUILD
 from tests.conformance.fields import difference
 from tests.conformance.formats import Answer, Chunk, Job, build_formats, decode_all
+from tests.random_checks import random_check
 from tests.random_formats import random_protocol
 from tests.shared import account_closes, needs_sender
 from tests.streams import Speaker, chunks, hard_pieces, header_bits, random_values
@@ -56,6 +57,19 @@ def drawn_format(seed: int) -> Drawn:
         except ProtocolFileError:
             continue
     raise AssertionError(f"five drawn files in a row do not load; the last is format {seed}\n{text}")
+
+
+def drawn_check(seed: int) -> Drawn:
+    """A simple frame whose check is drawn."""
+    check, _ = random_check(random.Random(f"check {seed}"))
+    over = ", over: payload" if "refuse" in check else ""  # of which some size is a whole number of words
+    text = (
+        f"wirebond: 1\nprotocol: check_{seed}\nmax_payload: 60\nframe:\n  - magic: 0xA5\n  - length: u8\n  - id: u8\n"
+        f"  - payload: by_length\n  - check: {{type: {check}{over}}}\nmessages:\n"
+        "  data: {id: 1, sender: both, fields: {data: {type: bytes, max: 60}}}\n"
+        "  number: {id: 2, sender: both, fields: {number: u32}}\n"
+    )
+    return Drawn(seed, text, Codec(loads(text)))
 
 
 @dataclass(frozen=True)
@@ -266,9 +280,8 @@ def verify_defaults(drawn: Drawn, row: int, defaults: dict[tuple[int, int], byte
         assert defaults[row, index] == frame, f"{message.name}\n{drawn}"
 
 
-def verify_formats(seeds: range, messages: int, folder: Path, build: Path) -> None:
+def verify_formats(formats: list[Drawn], messages: int, folder: Path, build: Path) -> None:
     """All three decoders over ``messages`` messages of each format."""
-    formats = [drawn_format(seed) for seed in seeds]
     program = build_formats([drawn.codec.model for drawn in formats], range(0, len(formats), FOLDED), build)
     jobs, heard = [], []
     for row, drawn in enumerate(formats):
@@ -311,11 +324,21 @@ def test_formats_that_once_disagreed(seed: int) -> None:
 
 @pytest.mark.parametrize("first", [0, 12])
 def test_three_decoders_agree_on_random_formats(first: int, tmp_path: Path) -> None:
-    verify_formats(range(first, first + 12), 100, tmp_path, BUILD)
+    verify_formats([drawn_format(seed) for seed in range(first, first + 12)], 100, tmp_path, BUILD)
+
+
+def test_three_decoders_agree_on_random_checks(tmp_path: Path) -> None:
+    verify_formats([drawn_check(seed) for seed in range(20)], 100, tmp_path, BUILD)
+
+
+@pytest.mark.long
+def test_three_decoders_agree_on_a_thousand_messages_of_a_hundred_random_checks(tmp_path: Path) -> None:
+    for first in (0, BATCH):
+        verify_formats([drawn_check(seed) for seed in range(first, first + BATCH)], 1000, tmp_path, tmp_path)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("first", range(0, 10_000, BATCH), ids=lambda first: f"from_{first:04}")
 def test_three_decoders_agree_on_ten_thousand_random_formats(first: int, tmp_path: Path) -> None:
     """A hundred messages of each. `-k from_0450` runs the fifty formats from number 450 on."""
-    verify_formats(range(first, first + BATCH), 100, tmp_path, tmp_path)
+    verify_formats([drawn_format(seed) for seed in range(first, first + BATCH)], 100, tmp_path, tmp_path)

@@ -122,6 +122,81 @@ TEST_CASE("sums and exclusive-ors keep their width and go on from a register") {
   CHECK(sum_update(algorithm(CheckKind::sum, 16), 0x1234, nullptr, 0) == 0x1234);
 }
 
+namespace {
+
+/// The check's value over `size` bytes, of which `first` come in a run of their own.
+std::uint64_t value_of(const CheckAlgorithm& a, const std::uint8_t* bytes, std::size_t size, std::size_t first) {
+  std::uint64_t reg = sum_update(a, check_begin(a), bytes, first);
+  reg = sum_update(a, reg, bytes + first, size - first);
+  return is_refused(a, reg) ? ~std::uint64_t{0} : check_end(a, reg);
+}
+
+CheckAlgorithm over_words(CheckKind kind, std::uint8_t width, std::uint8_t unit, bool is_little = false) {
+  CheckAlgorithm a = algorithm(kind, width);
+  a.unit = unit;
+  a.unit_is_little = is_little;
+  return a;
+}
+
+}  // namespace
+
+TEST_CASE("a check over words goes on from any byte") {
+  const std::uint8_t hoverboard[] = {0xCD, 0xAB, 0xCE, 0xFF, 0x2C, 0x01};  // a command to its controller: 0x552F
+  const std::uint8_t pioneer[] = {0x20, 0x50, 0x69};                       // a report of a robot: 0x2039
+  const CheckAlgorithm exclusive_or = over_words(CheckKind::exclusive_or, 16, 2, true);
+  CheckAlgorithm odd = over_words(CheckKind::sum, 16, 2);
+  odd.odd_tail = OddTail::exclusive_or;
+  CheckAlgorithm strict = odd;
+  strict.odd_tail = OddTail::refuse;
+  for (std::size_t first = 0; first <= 3; ++first) {
+    CAPTURE(first);
+    CHECK(value_of(exclusive_or, hoverboard, 6, first) == 0x552F);
+    CHECK(value_of(odd, pioneer, 3, first) == 0x2039);
+    CHECK(value_of(over_words(CheckKind::sum, 16, 2), pioneer, 3, first) == 0x2050 + 0x6900);
+    CHECK(value_of(over_words(CheckKind::sum, 16, 2, true), pioneer, 3, first) == 0x5020 + 0x0069);
+    CHECK(value_of(strict, pioneer, 3, first) == ~std::uint64_t{0});
+    if (first <= 2) CHECK(value_of(strict, pioneer, 2, first) == 0x2050);
+  }
+}
+
+TEST_CASE("a CRC over words of the STM32 gives the value of its manual") {
+  const std::uint8_t word[] = {0x78, 0x56, 0x34, 0x12};
+  CheckAlgorithm a{CheckKind::crc, 32, false, false, 0x04C11DB7, 0xFFFFFFFF};
+  a.unit = 4;
+  a.unit_is_little = true;
+  std::uint64_t reg = crc_words_update<32, 0x04C11DB7, false>(a, check_begin(a), word, 3);
+  CHECK(check_end(a, reg) == bit_by_bit({CheckKind::crc, 32, false, false, 0x04C11DB7, 0xFFFFFFFF},
+                                        reinterpret_cast<const std::uint8_t*>("\x00\x34\x56\x78"), 4));
+  reg = crc_words_update<32, 0x04C11DB7, false>(a, reg, word + 3, 1);
+  CHECK(check_end(a, reg) == 0xDF8A8A2B);
+}
+
+TEST_CASE("a carry out of a sum's highest bit is dropped, added at the lowest, or taken modulo a number") {
+  const std::uint8_t bytes[] = {0xFF, 0xFF, 0x02};
+  CheckAlgorithm a = algorithm(CheckKind::sum, 8);
+  a.end_around = true;
+  CHECK(value_of(a, bytes, 3, 1) == 0x02);
+  CHECK(value_of(a, bytes, 2, 1) == 0xFF);
+  a.end_around = false;
+  a.modulus = 100;
+  CHECK(value_of(a, bytes, 3, 1) == 512 % 100);
+  CheckAlgorithm internet = over_words(CheckKind::sum, 16, 2);  // the example of RFC 1071, section 3
+  internet.end_around = true;
+  const std::uint8_t example[] = {0x00, 0x01, 0xF2, 0x03, 0xF4, 0xF5, 0xF6, 0xF7};
+  CHECK(value_of(internet, example, 8, 3) == 0xDDF2);
+}
+
+TEST_CASE("a value is negated, raised, masked and combined in this order") {
+  const std::uint8_t bytes[] = {0x82, 0x00, 0x40};  // a command to a Sabertooth driver: 0x42
+  CheckAlgorithm a = algorithm(CheckKind::sum, 8);
+  a.keep = 0x7F;
+  CHECK(value_of(a, bytes, 3, 0) == 0x42);
+  a.negate = true;
+  a.plus = 0x55;
+  a.xor_out = 0x80;
+  CHECK(value_of(a, bytes, 3, 0) == (((0x55 - 0xC2) & 0x7F) ^ 0x80));
+}
+
 TEST_CASE("bits are reflected within their width") {
   static_assert(detail::reflect(0x1, 8) == 0x80);
   static_assert(detail::reflect(0x1021, 16) == 0x8408);

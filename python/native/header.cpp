@@ -61,6 +61,10 @@ std::string refusal(const FormatTable& format, const MessageTable& message, std:
   if (static_cast<std::int64_t>(payload) > most) {
     return begin + "; with this header the frame's length can tell at most " + std::to_string(most);
   }
+  if (form.payload_unit > 1 && payload % form.payload_unit != form.payload_rest) {
+    return begin + ", and with them the frame's check has no whole number of words of " +
+           std::to_string(form.payload_unit) + " bytes, which it refuses";
+  }
   return begin + ", which the frame's length cannot tell: it counts by " + std::to_string(form.length_unit);
 }
 

@@ -21,6 +21,8 @@ constexpr std::pair<const char*, CheckKind> check_kinds[] = {{"crc", CheckKind::
                                                              {"sum", CheckKind::sum},
                                                              {"fletcher", CheckKind::fletcher},
                                                              {"xor", CheckKind::exclusive_or}};
+constexpr std::pair<const char*, OddTail> odd_tails[] = {
+    {"pad", OddTail::pad}, {"xor", OddTail::exclusive_or}, {"refuse", OddTail::refuse}};
 constexpr std::pair<const char*, Framing> framings[] = {{"by_start", Framing::by_start},
                                                         {"delimited", Framing::delimited},
                                                         {"bracketed", Framing::bracketed},
@@ -78,6 +80,8 @@ Form read_form(nb::handle plan) {
   form.payload_size = meant_by(payload_rules, plan.attr("payload"), "payload rule");
   form.length_unit = nb::cast<std::uint8_t>(plan.attr("length_unit"));
   form.length_bias = nb::cast<std::int32_t>(plan.attr("length_bias"));
+  form.payload_unit = nb::cast<std::uint8_t>(plan.attr("payload_unit"));
+  form.payload_rest = nb::cast<std::uint8_t>(plan.attr("payload_rest"));
   form.fixed_payload = nb::cast<std::uint16_t>(plan.attr("fixed_payload"));
   form.trims_zeros = nb::cast<bool>(plan.attr("trims_zeros"));
   form.length = read_number(plan.attr("length"));
@@ -169,6 +173,12 @@ CheckAlgorithm read_algorithm(nb::handle algorithm) {
   out.poly = nb::cast<std::uint64_t>(algorithm.attr("poly"));
   out.init = nb::cast<std::uint64_t>(algorithm.attr("init"));
   out.xor_out = nb::cast<std::uint64_t>(algorithm.attr("xorout"));
+  out.unit = nb::cast<std::uint8_t>(algorithm.attr("unit"));
+  out.unit_is_little = byte_order_of(algorithm.attr("unit_order")) == ByteOrder::little;
+  out.odd_tail = meant_by(odd_tails, algorithm.attr("odd"), "rule for an incomplete word");
+  out.end_around = nb::cast<bool>(algorithm.attr("end_around"));
+  out.plus = nb::cast<std::uint64_t>(algorithm.attr("plus"));
+  out.keep = nb::cast<std::uint64_t>(algorithm.attr("kept"));
   return out;
 }
 

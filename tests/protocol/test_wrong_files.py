@@ -164,7 +164,7 @@ SYNTAX = [
     ("crc-16/modbus", "@crc16", "say which: crc-16/arc, crc-16/modbus,"),
     ("crc-16/modbus", "@16", "`16` is not a check; write its name"),
     ("crc-16/modbus", "{type: sum16, byte: @middle}", "possible: low, high"),
-    ("crc-16/modbus", "{type: crc, width: @12, poly: 0x80F}", "write 8, 16, 24, 32 or 64"),
+    ("crc-16/modbus", "{type: crc, width: @2, poly: 0x3}", "has 3 to 64 bits"),
     ("crc-16/modbus", "{type: crc, width: 16, poly: 0x1021, refin: @yes}", "write true or false"),
     ("crc-16/modbus", "{type: sum16, over: @id...payload}", "write `id..payload`"),
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from tests.reference.order import order_of
-from wirebond.protocol.model import Algorithm, CheckKind, Message, Part
+from wirebond.protocol.model import Algorithm, CheckKind, Message, OddTail, Part
 
 
 def check_holds(
@@ -40,35 +40,75 @@ def check_holds(
         found = int(piece, 16)
     else:
         found = int.from_bytes(piece, order_of(part.order))
-    return found == (checksum(part.algorithm, covered) >> part.shift) % 256**width
+    value = checksum(part.algorithm, covered)
+    return value >= 0 and found == (value >> part.shift) % 256**width
 
 
 def checksum(algorithm: Algorithm, data: bytes) -> int:
-    """One bit at a time, as the definition says."""
-    width = algorithm.width
-    if algorithm.kind == CheckKind.XOR:
-        value = algorithm.init
-        for byte in data:
-            value ^= byte
-        return value ^ algorithm.xorout
-    if algorithm.kind == CheckKind.SUM:
-        value = algorithm.init + sum(data)
-        return (-value if algorithm.negate else value) % 2**width ^ algorithm.xorout
-    if algorithm.kind == CheckKind.FLETCHER:
-        modulus = algorithm.modulus or 2 ** (width // 2)
-        first = second = 0
-        for byte in data:
-            first = (first + byte) % modulus
-            second = (second + first) % modulus
-        return second << (width // 2) | first
+    """One bit at a time, as the definition says. -1, which no frame holds, where no value fits."""
+    size, order = algorithm.unit, order_of(algorithm.unit_order)
+    odd = len(data) % size
+    tail = b""
+    if odd and algorithm.odd == OddTail.REFUSE:
+        return -1
+    if odd and algorithm.odd == OddTail.PAD:
+        data += bytes(size - odd)
+    elif odd:
+        data, tail = data[:-odd], data[-odd:]
+    numbers = [int.from_bytes(data[i : i + size], order) for i in range(0, len(data), size)]
+    value = _REGISTERS[algorithm.kind](algorithm, numbers)
+    for byte in tail:
+        value ^= byte
+    every = 2**algorithm.width - 1
+    value = (-value if algorithm.negate else value) + algorithm.plus
+    return (value & (every if algorithm.mask is None else algorithm.mask) & every) ^ algorithm.xorout
+
+
+def _exclusive_or(algorithm: Algorithm, numbers: list[int]) -> int:
+    value = algorithm.init
+    for number in numbers:
+        value ^= number
+    return value
+
+
+def _sum(algorithm: Algorithm, numbers: list[int]) -> int:
+    value = algorithm.init
+    for number in numbers:
+        value += number
+        if algorithm.end_around:
+            while value >= 2**algorithm.width:
+                value = value % 2**algorithm.width + value // 2**algorithm.width
+        else:
+            value %= algorithm.modulus or 2**algorithm.width
+    return value
+
+
+def _fletcher(algorithm: Algorithm, numbers: list[int]) -> int:
+    half = algorithm.width // 2
+    modulus = algorithm.modulus or 2**half
+    second, first = divmod(algorithm.init, 2**half)
+    for number in numbers:
+        first = (first + number) % modulus
+        second = (second + first) % modulus
+    return second << half | first
+
+
+def _crc(algorithm: Algorithm, numbers: list[int]) -> int:
+    width, bits = algorithm.width, 8 * algorithm.unit
     register = algorithm.init
-    for byte in data:
-        for bit in range(8):
-            incoming = byte >> (bit if algorithm.refin else 7 - bit) & 1
+    for number in numbers:
+        for bit in range(bits):
+            incoming = number >> (bit if algorithm.refin else bits - 1 - bit) & 1
             top = register >> (width - 1) & 1
             register = (register << 1) % 2**width
             if top ^ incoming:
                 register ^= algorithm.poly
-    if algorithm.refout:
-        register = int(f"{register:0{width}b}"[::-1], 2)
-    return register ^ algorithm.xorout
+    return int(f"{register:0{width}b}"[::-1], 2) if algorithm.refout else register
+
+
+_REGISTERS = {
+    CheckKind.CRC: _crc,
+    CheckKind.SUM: _sum,
+    CheckKind.XOR: _exclusive_or,
+    CheckKind.FLETCHER: _fletcher,
+}

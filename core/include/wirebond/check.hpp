@@ -17,18 +17,31 @@ enum class CheckKind : std::uint8_t {
   fletcher,  ///< two sums of width/2 bits, the second of the first's values; the first is the low half
 };
 
+/// What becomes of bytes behind the last whole word, where the unit of a check is a word.
+enum class OddTail : std::uint8_t {
+  pad,           ///< zero bytes complete the word
+  exclusive_or,  ///< each byte is combined with the register as a number of its own
+  refuse,        ///< no value fits: the frame is refused, and not sent
+};
+
 /// One algorithm, by parameters. CRC parameters follow Williams' "A Painless Guide to CRC Error Detection Algorithms"
 /// (1993), as in the reveng catalogue: `poly` and `init` are written most significant bit first.
 struct CheckAlgorithm {
   CheckKind kind = CheckKind::crc;
-  std::uint8_t width_bits = 16;  ///< 8, 16, 24, 32 or 64
+  std::uint8_t width_bits = 16;  ///< 8 to 64 of a CRC; up to 32 of others, and of all whose unit is a word
   bool reflect_in = false;
   bool reflect_out = false;
   std::uint64_t poly = 0;
   std::uint64_t init = 0;
   std::uint64_t xor_out = 0;
-  std::uint16_t modulus = 0;  ///< Fletcher: of both sums; 0: 2^(width/2)
-  bool negate = false;        ///< two's complement of the value, before xor_out
+  std::uint16_t modulus = 0;  ///< of a sum, and of both of Fletcher's; 0: 2^width and 2^(width/2)
+  bool negate = false;        ///< two's complement of the value, before `plus`
+  std::uint8_t unit = 1;      ///< bytes of a word: 1, 2 or 4
+  bool unit_is_little = false;
+  OddTail odd_tail = OddTail::pad;
+  bool end_around = false;     ///< sum: a carry out of the highest bit is added to the lowest one
+  std::uint64_t plus = 0;      ///< added before `keep`
+  std::uint64_t keep = ~0ull;  ///< bits of the value that are kept, before xor_out
 };
 
 namespace detail {
@@ -98,15 +111,123 @@ WIREBOND_INLINE constexpr bool reflects_end(const CheckAlgorithm& a) {
 /// Do the part of `check_end` after the reflection.
 WIREBOND_INLINE constexpr std::uint64_t check_finish(const CheckAlgorithm& a, std::uint64_t reg) {
   if (a.negate) reg = ~reg + 1;
-  return (reg ^ a.xor_out) & mask_of(a.width_bits);
+  return (((reg + a.plus) & a.keep) ^ a.xor_out) & mask_of(a.width_bits);
+}
+
+/// Check whether `check_finish` is an exclusive-or with `xor_out`.
+WIREBOND_INLINE constexpr bool finishes_plainly(const CheckAlgorithm& a) {
+  return !a.negate && a.plus == 0 && (a.keep & mask_of(a.width_bits)) == mask_of(a.width_bits);
+}
+
+/// Take one number: a byte or a word. Not for CRCs.
+WIREBOND_INLINE constexpr std::uint32_t sum_step(const CheckAlgorithm& a, std::uint32_t reg, std::uint32_t number) {
+  switch (a.kind) {
+    case CheckKind::exclusive_or: return reg ^ number;
+    case CheckKind::fletcher: {
+      const unsigned half = a.width_bits / 2u;
+      const std::uint32_t modulus = a.modulus != 0 ? a.modulus : std::uint32_t{1} << half;
+      const std::uint32_t first = ((reg & static_cast<std::uint32_t>(mask_of(half))) + number) % modulus;
+      const std::uint32_t second = ((reg >> half) + first) % modulus;
+      return (second << half) | first;
+    }
+    default: {
+      std::uint64_t sum = std::uint64_t{reg} + number;
+      if (a.end_around) {
+        while ((sum >> a.width_bits) != 0) sum = (sum & mask_of(a.width_bits)) + (sum >> a.width_bits);
+      }
+      return static_cast<std::uint32_t>(a.modulus != 0 ? sum % a.modulus : sum);
+    }
+  }
+}
+
+// Where the unit is a word, a register of up to 32 bits has those bytes above it that are no whole word yet: three at
+// most, the first one lowest, and their number in the highest eight bits. So it goes on from any byte.
+
+WIREBOND_INLINE constexpr unsigned waiting_bytes(std::uint64_t reg) { return static_cast<unsigned>(reg >> 56); }
+
+/// Call step(register, word) for each word; `word` has the first byte lowest.
+template <class Step>
+WIREBOND_INLINE std::uint64_t by_words(const CheckAlgorithm& a, std::uint64_t reg, const std::uint8_t* bytes,
+                                       std::size_t size, Step&& step) {
+  std::uint32_t value = static_cast<std::uint32_t>(reg);
+  std::uint32_t word = static_cast<std::uint32_t>(reg >> 32) & 0xFFFFFFu;
+  unsigned waiting = waiting_bytes(reg);
+  for (std::size_t i = 0; i < size; ++i) {
+    word |= static_cast<std::uint32_t>(bytes[i]) << (8 * waiting);
+    if (++waiting < a.unit) continue;
+    value = step(value, word);
+    word = 0;
+    waiting = 0;
+  }
+  return (std::uint64_t{waiting} << 56) | (std::uint64_t{word} << 32) | value;
+}
+
+/// Return the number that a word is in its byte order.
+WIREBOND_INLINE constexpr std::uint32_t number_of(const CheckAlgorithm& a, std::uint32_t word) {
+  if (a.unit_is_little) return word;
+  std::uint32_t number = 0;
+  for (unsigned i = 0; i < a.unit; ++i) number = (number << 8) | ((word >> (8 * i)) & 0xFFu);
+  return number;
+}
+
+/// Bytes of a word in the order in which a CRC takes them: as the word's bits enter, its highest first, or its lowest
+/// if they are reflected.
+struct OrderedBytes {
+  std::uint8_t at[4];
+};
+WIREBOND_INLINE constexpr OrderedBytes ordered(const CheckAlgorithm& a, std::uint32_t word) {
+  const std::uint32_t number = number_of(a, word);
+  OrderedBytes bytes{};
+  for (unsigned i = 0; i < a.unit; ++i) {
+    bytes.at[i] = static_cast<std::uint8_t>(number >> (8 * (a.reflect_in ? i : a.unit - 1u - i)));
+  }
+  return bytes;
+}
+
+/// Run a CRC over one byte, bit by bit.
+WIREBOND_INLINE constexpr std::uint64_t crc_bits(const CheckAlgorithm& a, std::uint64_t reg, std::uint8_t byte) {
+  const std::uint64_t poly = a.reflect_in ? reflect(a.poly, a.width_bits) : a.poly;
+  const std::uint64_t top = std::uint64_t{1} << (a.width_bits - 1);
+  reg ^= a.reflect_in ? std::uint64_t{byte} : std::uint64_t{byte} << (a.width_bits - 8);
+  for (unsigned bit = 0; bit < 8; ++bit) {
+    if (a.reflect_in) {
+      reg = (reg & 1u) != 0 ? (reg >> 1) ^ poly : reg >> 1;
+    } else {
+      reg = (reg & top) != 0 ? (reg << 1) ^ poly : reg << 1;
+    }
+  }
+  return reg & mask_of(a.width_bits);
+}
+
+/// Take what waits for a whole word, as `odd_tail` says.
+WIREBOND_INLINE constexpr std::uint64_t end_words(const CheckAlgorithm& a, std::uint64_t reg) {
+  const unsigned waiting = waiting_bytes(reg);
+  std::uint32_t word = static_cast<std::uint32_t>(reg >> 32) & 0xFFFFFFu;
+  reg &= 0xFFFFFFFFu;
+  if (waiting == 0) return reg & mask_of(a.width_bits);
+  if (a.odd_tail == OddTail::exclusive_or) {
+    for (; word != 0; word >>= 8) reg ^= word & 0xFFu;
+  } else if (a.kind == CheckKind::crc) {
+    const OrderedBytes bytes = ordered(a, word);
+    for (unsigned i = 0; i < a.unit; ++i) reg = crc_bits(a, reg, bytes.at[i]);
+  } else {
+    reg = sum_step(a, static_cast<std::uint32_t>(reg), number_of(a, word));
+  }
+  return reg & mask_of(a.width_bits);
 }
 
 }  // namespace detail
 
 /// Return the check's value, computed from the register after the last byte.
 WIREBOND_INLINE constexpr std::uint64_t check_end(const CheckAlgorithm& a, std::uint64_t reg) {
+  if (a.unit > 1) reg = detail::end_words(a, reg);
   if (detail::reflects_end(a)) reg = detail::reflect(reg, a.width_bits);
   return detail::check_finish(a, reg);
+}
+
+/// Check whether the register stands behind an incomplete word that `odd_tail` refuses.
+WIREBOND_INLINE constexpr bool is_refused(const CheckAlgorithm& a, std::uint64_t reg) {
+  return a.unit > 1 && a.odd_tail == OddTail::refuse && detail::waiting_bytes(reg) != 0;
 }
 
 namespace detail {
@@ -186,29 +307,34 @@ WIREBOND_INLINE std::uint64_t crc_update(std::uint64_t reg64, const std::uint8_t
   }
 }
 
+/// Run a CRC over words, with its byte table, known at compile time.
+template <unsigned Width, std::uint64_t Poly, bool Reflected>
+WIREBOND_INLINE std::uint64_t crc_words_update(const CheckAlgorithm& a, std::uint64_t reg, const std::uint8_t* bytes,
+                                               std::size_t size) {
+  static_assert(Width <= 32, "a register of more bits has no room for the bytes of an incomplete word");
+  return detail::by_words(a, reg, bytes, size, [&a](std::uint32_t value, std::uint32_t word) WIREBOND_INLINE_LAMBDA {
+    const detail::OrderedBytes ordered = detail::ordered(a, word);
+    return static_cast<std::uint32_t>(crc_update<Width, Poly, Reflected>(value, ordered.at, a.unit));
+  });
+}
+
 /// Run a sum, an exclusive-or or a Fletcher checksum (J. G. Fletcher, IEEE Transactions on Communications 30(1), 1982).
 WIREBOND_INLINE std::uint64_t sum_update(const CheckAlgorithm& a, std::uint64_t reg64, const std::uint8_t* bytes,
                                          std::size_t size) {
+  if (a.unit > 1) {
+    return detail::by_words(a, reg64, bytes, size,
+                            [&a](std::uint32_t value, std::uint32_t word) WIREBOND_INLINE_LAMBDA {
+                              return detail::sum_step(a, value, detail::number_of(a, word)) &
+                                     static_cast<std::uint32_t>(detail::mask_of(a.width_bits));
+                            });
+  }
   std::uint32_t reg = static_cast<std::uint32_t>(reg64);  // widths up to 32 bits: 2^24 bytes of 0xFF fit
-  switch (a.kind) {
-    case CheckKind::exclusive_or:
-      for (std::size_t i = 0; i < size; ++i) reg ^= bytes[i];
-      break;
-    case CheckKind::fletcher: {
-      const unsigned half = a.width_bits / 2u;
-      const std::uint32_t modulus = a.modulus != 0 ? a.modulus : std::uint32_t{1} << half;
-      std::uint32_t first = reg & static_cast<std::uint32_t>(detail::mask_of(half));
-      std::uint32_t second = reg >> half;
-      for (std::size_t i = 0; i < size; ++i) {
-        first = (first + bytes[i]) % modulus;
-        second = (second + first) % modulus;
-      }
-      reg = (second << half) | first;
-      break;
-    }
-    default:
-      for (std::size_t i = 0; i < size; ++i) reg += bytes[i];
-      break;
+  if (a.kind == CheckKind::exclusive_or) {
+    for (std::size_t i = 0; i < size; ++i) reg ^= bytes[i];
+  } else if (a.kind == CheckKind::sum && a.modulus == 0 && !a.end_around) {
+    for (std::size_t i = 0; i < size; ++i) reg += bytes[i];
+  } else {
+    for (std::size_t i = 0; i < size; ++i) reg = detail::sum_step(a, reg, bytes[i]);
   }
   return reg & detail::mask_of(a.width_bits);
 }

@@ -112,6 +112,9 @@ WIREBOND_INLINE bool check_holds(const Source& source, const Form& form, std::si
   if constexpr (most.is_seeded) {
     if (rule.seeded) reg = source.check_update(rule.algorithm, reg, &seed, 1);
   }
+  if constexpr (may_take_words<Source>()) {
+    if (is_refused(source.format().algorithms[rule.algorithm], reg)) return false;
+  }
   const std::uint64_t expected = (end_of(source, rule.algorithm, reg) >> rule.shift) & mask_of(8u * rule.bytes);
   const std::uint8_t* const at = frame + rule.at.in(frame_size);
   std::uint64_t found;

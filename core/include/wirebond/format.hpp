@@ -131,6 +131,8 @@ struct Form {
   std::uint8_t length_unit = 1;
   std::int32_t length_bias = 0;
   std::uint16_t fixed_payload = 0;
+  std::uint8_t payload_unit = 1;  ///< a check refuses payloads whose size, divided by this, does not leave this rest:
+  std::uint8_t payload_rest = 0;
   bool trims_zeros = false;  ///< zeros at the payload's end are not sent; the receiver restores them
   std::uint8_t header_count = 0;
   std::uint8_t first_exclusion = 0;  ///< index into FrameFormat::exclusions
@@ -314,6 +316,7 @@ WIREBOND_INLINE constexpr std::size_t wire_bytes(const Format& format, std::size
 /// Check whether a frame of this form can have a payload of this size. A length must be able to express it; a form
 /// without the length that others have carries no payload.
 WIREBOND_INLINE constexpr bool carries(const Form& form, std::size_t payload) {
+  if (form.payload_unit > 1 && payload % form.payload_unit != form.payload_rest) return false;
   if (form.payload_size == PayloadSize::fixed) return payload <= form.fixed_payload;
   if (form.payload_size != PayloadSize::by_length) return true;
   if (!form.length.present()) return payload == 0;
@@ -330,6 +333,7 @@ WIREBOND_INLINE constexpr std::int64_t most_payload(const Form& form) {
 
 /// Check whether `carries` holds for every size up to the format's maximum: then no code needs to call it.
 WIREBOND_INLINE constexpr bool carries_all(const FormatRules& format, const Form& form) {
+  if (form.payload_unit > 1) return false;
   if (form.payload_size != PayloadSize::by_length) return true;  // `seal` compares with a fixed size itself
   return form.length.present() && form.length_unit == 1 && form.length_bias <= 0 &&
          static_cast<std::int64_t>(format.max_payload) - form.length_bias <= form.length.most();

@@ -215,6 +215,19 @@ constexpr bool may_reflect() {
   }
 }
 
+/// Check whether the unit of some check of the source may be a word.
+template <class Source>
+constexpr bool may_take_words() {
+  if constexpr (folds<Source>(0)) {
+    for (std::size_t i = 0; i < Source{}.format().algorithm_count; ++i) {
+      if (Source{}.format().algorithms[i].unit > 1) return true;
+    }
+    return false;
+  } else {
+    return true;
+  }
+}
+
 /// Register before the first byte.
 template <class Source>
 WIREBOND_INLINE std::uint64_t begin_of(const Source& source, unsigned algorithm) {
@@ -230,7 +243,7 @@ WIREBOND_INLINE std::uint64_t begin_of(const Source& source, unsigned algorithm)
 /// Return the check's value, computed from the register after the last byte.
 template <class Source>
 WIREBOND_INLINE std::uint64_t end_of(const Source& source, unsigned algorithm, std::uint64_t reg) {
-  if constexpr (Source::is_constant && !may_reflect<Source>()) {
+  if constexpr (Source::is_constant && !may_reflect<Source>() && !may_take_words<Source>()) {
     return check_finish(source.format().algorithms[algorithm], reg);
   } else if constexpr (Source::is_constant) {
     return check_end(source.format().algorithms[algorithm], reg);

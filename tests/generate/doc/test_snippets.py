@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import random
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.random_checks import algorithm_of, random_check
 
 from wirebond.analysis.checksum import checksum
 from wirebond.generate.doc import snippets
 from wirebond.protocol.algorithms import ALGORITHMS
-from wirebond.protocol.model import Algorithm, CheckKind
+from wirebond.protocol.model import Algorithm, CheckKind, OddTail
 
 # Beside the catalogue: what a file may give by its parameters, and what no catalogue entry has.
 OWN = [
@@ -22,7 +25,13 @@ OWN = [
     Algorithm("own-5", CheckKind.SUM, 16, init=0x1234, xorout=0xFFFF),
     Algorithm("own-6", CheckKind.FLETCHER, 16, init=0x0102, modulus=255, negate=True),
 ]
-EVERY = [*ALGORITHMS.values(), *OWN]
+CHANCE = random.Random("snippets")
+DRAWN = [
+    replace(found, name=f"drawn-{number}")
+    for number in range(60)
+    if (found := algorithm_of(random_check(CHANCE)[0])).odd != OddTail.REFUSE
+]
+EVERY = [*ALGORITHMS.values(), *OWN, *DRAWN]
 DATA = [b"", b"\0", b"123456789", bytes(range(256)), b"\xff" * 300]
 
 

@@ -231,8 +231,8 @@ class FastPath {
                          8u * rule.bytes == a.width_bits && rule.shift == 0 && !rule.seeded && !rule.as_hex &&
                          !rule.on_wire;
     const bool ordered = a.width_bits == 8 || (rule.order == ByteOrder::little) == a.reflect_in;
-    return a.kind == CheckKind::crc && !a.negate && a.reflect_in == a.reflect_out && runs_on && ordered &&
-           !rule.from.from_end;
+    return a.kind == CheckKind::crc && detail::finishes_plainly(a) && a.unit == 1 && a.reflect_in == a.reflect_out &&
+           runs_on && ordered && !rule.from.from_end;
   }
 
   /// Compute the residue. It is the same for any range; the empty one is the shortest.

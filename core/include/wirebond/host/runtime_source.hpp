@@ -40,7 +40,7 @@ class RuntimeTables {
       const CheckAlgorithm& a = format.algorithms[i];
       if (a.kind == CheckKind::crc) crcs_[i] = FastCrc(a, method);
       begins_[i] = check_begin(a);
-      ends_plainly_[i] = !a.negate && (a.kind != CheckKind::crc || a.reflect_in == a.reflect_out);
+      ends_plainly_[i] = detail::finishes_plainly(a) && !detail::reflects_end(a) && a.unit == 1;
     }
     for (std::size_t i = 0; i < row_count; ++i) {
       has_expected_ = has_expected_ || rows[i].only_expected;
@@ -105,7 +105,11 @@ class RuntimeTables {
   std::uint64_t check_update(unsigned index, std::uint64_t reg, const std::uint8_t* bytes, std::size_t size) const {
     const CheckAlgorithm& a = format_->algorithms[index];
     if (a.kind != CheckKind::crc) return sum_update(a, reg, bytes, size);
-    return crcs_[index].update(reg, bytes, size);
+    const FastCrc& crc = crcs_[index];
+    if (a.unit == 1) return crc.update(reg, bytes, size);
+    return detail::by_words(a, reg, bytes, size, [&](std::uint32_t value, std::uint32_t word) {
+      return static_cast<std::uint32_t>(crc.update(value, detail::ordered(a, word).at, a.unit));
+    });
   }
 
   std::uint64_t check_end_of(unsigned index, std::uint64_t reg) const {

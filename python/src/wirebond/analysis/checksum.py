@@ -2,23 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import lru_cache
+from typing import Literal
 
-from wirebond.protocol.model import Algorithm, CheckKind
+from wirebond.protocol.model import Algorithm, ByteOrder, CheckKind, OddTail
+from wirebond.protocol.registers import register_of
 
 
 def checksum(algorithm: Algorithm, data: bytes) -> int:
-    """The algorithm's value over ``data``, before any byte order or shift of the frame. A few MB/s; any thread."""
+    """The algorithm's value over ``data``, before any byte order or shift of the frame. A few MB/s; any thread.
+
+    -1, which no frame holds, where the algorithm refuses bytes behind the last whole word.
+    """
     if algorithm.kind not in _REGISTERS:
         raise NotImplementedError(f"checksum.py has no entry for the kind of check '{algorithm.kind}'")
-    value = _REGISTERS[algorithm.kind](algorithm, data)
-    if algorithm.negate:
-        value = -value & (1 << algorithm.width) - 1
-    return value ^ algorithm.xorout
+    run, shift = register_of(algorithm)
+    odd = len(data) % run.unit
+    if odd and run.odd == OddTail.REFUSE:
+        return -1
+    whole, tail = data[: len(data) - odd], data[len(data) - odd :]
+    if odd and run.odd == OddTail.PAD:
+        whole, tail = data + bytes(run.unit - odd), b""
+    value = _REGISTERS[run.kind](run, whole)
+    for byte in tail:
+        value ^= byte
+    if run.refin != run.refout:
+        value = _reflected(value, run.width)
+    if run.negate:
+        value = -value
+    return ((value + run.plus & run.kept) ^ run.xorout) >> shift
+
+
+def _words(algorithm: Algorithm, data: bytes) -> Iterable[int]:
+    """The numbers that it runs over: bytes, or words."""
+    size = algorithm.unit
+    order: Literal["little", "big"] = "little" if algorithm.unit_order == ByteOrder.LITTLE else "big"
+    return data if size == 1 else (int.from_bytes(data[i : i + size], order) for i in range(0, len(data), size))
 
 
 def _crc(algorithm: Algorithm, data: bytes) -> int:
+    if algorithm.unit > 1:  # a word's bits enter highest first, or lowest first
+        order: Literal["little", "big"] = "little" if algorithm.refin else "big"
+        data = b"".join(word.to_bytes(algorithm.unit, order) for word in _words(algorithm, data))
     width, mask = algorithm.width, (1 << algorithm.width) - 1
     table = _table(width, algorithm.poly, algorithm.refin)
     if algorithm.refin:
@@ -30,17 +56,21 @@ def _crc(algorithm: Algorithm, data: bytes) -> int:
         top = width - 8
         for byte in data:
             register = (register << 8) & mask ^ table[(register >> top) ^ byte]
-    return _reflected(register, width) if algorithm.refin != algorithm.refout else register
+    return register
 
 
 def _sum(algorithm: Algorithm, data: bytes) -> int:
-    return (algorithm.init + sum(data)) % (1 << algorithm.width)
+    value = algorithm.init + sum(_words(algorithm, data))
+    if algorithm.end_around:
+        every = (1 << algorithm.width) - 1
+        return value and (value - 1) % every + 1
+    return value % (algorithm.modulus or 1 << algorithm.width)
 
 
 def _xor(algorithm: Algorithm, data: bytes) -> int:
     value = algorithm.init
-    for byte in data:
-        value ^= byte
+    for number in _words(algorithm, data):
+        value ^= number
     return value
 
 
@@ -48,8 +78,8 @@ def _fletcher(algorithm: Algorithm, data: bytes) -> int:
     half = algorithm.width // 2
     modulus = algorithm.modulus or 1 << half
     first, second = algorithm.init & (1 << half) - 1, algorithm.init >> half
-    for byte in data:
-        first = (first + byte) % modulus
+    for number in _words(algorithm, data):
+        first = (first + number) % modulus
         second = (second + first) % modulus
     return second << half | first
 

@@ -1,16 +1,33 @@
 """The check algorithms that a protocol file may name, as facts. Nothing here computes a check.
 
-CRC parameters and check values: Greg Cook's "Catalogue of parametrised CRC algorithms" (reveng), those of 8,
-16, 24, 32 and 64 bits. The check value is the algorithm's result over the nine ASCII bytes ``123456789``.
+CRC parameters and check values: Greg Cook's "Catalogue of parametrised CRC algorithms" (reveng), those of up
+to 64 bits. The check value is the algorithm's result over the nine ASCII bytes ``123456789``.
 """
 
 from __future__ import annotations
 
-from wirebond.protocol.model import Algorithm, CheckKind
+from dataclasses import replace
+
+from wirebond.protocol.model import Algorithm, ByteOrder, CheckKind
 from wirebond.protocol.problems import suggestion
 
 _CRCS = """\
 name                     bits poly             init             refin refout xorout           check
+crc-3/gsm                3    3                0                no    no     7                4
+crc-3/rohc               3    3                7                yes   yes    0                6
+crc-4/g-704              4    3                0                yes   yes    0                7
+crc-4/interlaken         4    3                F                no    no     F                B
+crc-5/epc-c1g2           5    09               09               no    no     00               00
+crc-5/g-704              5    15               00               yes   yes    00               07
+crc-5/usb                5    05               1F               yes   yes    1F               19
+crc-6/cdma2000-a         6    27               3F               no    no     00               0D
+crc-6/cdma2000-b         6    07               3F               no    no     00               3B
+crc-6/darc               6    19               00               yes   yes    00               26
+crc-6/g-704              6    03               00               yes   yes    00               06
+crc-6/gsm                6    2F               00               no    no     3F               13
+crc-7/mmc                7    09               00               no    no     00               75
+crc-7/rohc               7    4F               7F               yes   yes    00               53
+crc-7/umts               7    45               00               no    no     00               61
 crc-8/autosar            8    2F               FF               no    no     FF               DF
 crc-8/bluetooth          8    A7               00               yes   yes    00               26
 crc-8/cdma2000           8    9B               FF               no    no     00               DA
@@ -31,6 +48,20 @@ crc-8/sae-j1850          8    1D               FF               no    no     FF 
 crc-8/smbus              8    07               00               no    no     00               F4
 crc-8/tech-3250          8    1D               FF               yes   yes    00               97
 crc-8/wcdma              8    9B               00               yes   yes    00               25
+crc-10/atm               10   233              000              no    no     000              199
+crc-10/cdma2000          10   3D9              3FF              no    no     000              233
+crc-10/gsm               10   175              000              no    no     3FF              12A
+crc-11/flexray           11   385              01A              no    no     000              5A3
+crc-11/umts              11   307              000              no    no     000              061
+crc-12/cdma2000          12   F13              FFF              no    no     000              D4D
+crc-12/dect              12   80F              000              no    no     000              F5B
+crc-12/gsm               12   D31              000              no    no     FFF              B34
+crc-12/umts              12   80F              000              no    yes    000              DAF
+crc-13/bbc               13   1CF5             0000             no    no     0000             04FA
+crc-14/darc              14   0805             0000             yes   yes    0000             082D
+crc-14/gsm               14   202D             0000             no    no     3FFF             30AE
+crc-15/can               15   4599             0000             no    no     0000             059E
+crc-15/mpt1327           15   6815             0000             no    no     0001             2566
 crc-16/arc               16   8005             0000             yes   yes    0000             BB3D
 crc-16/cdma2000          16   C867             FFFF             no    no     0000             4C06
 crc-16/cms               16   8005             FFFF             no    no     0000             AEE7
@@ -62,6 +93,8 @@ crc-16/tms37157          16   1021             89EC             yes   yes    000
 crc-16/umts              16   8005             0000             no    no     0000             FEE8
 crc-16/usb               16   8005             FFFF             yes   yes    FFFF             B4C8
 crc-16/xmodem            16   1021             0000             no    no     0000             31C3
+crc-17/can-fd            17   1685B            00000            no    no     00000            04F03
+crc-21/can-fd            21   102899           000000           no    no     000000           0ED841
 crc-24/ble               24   00065B           555555           yes   yes    000000           C25A56
 crc-24/flexray-a         24   5D6DCB           FEDCBA           no    no     000000           7979BD
 crc-24/flexray-b         24   5D6DCB           ABCDEF           no    no     000000           1F23B8
@@ -70,6 +103,8 @@ crc-24/lte-a             24   864CFB           000000           no    no     000
 crc-24/lte-b             24   800063           000000           no    no     000000           23EF52
 crc-24/openpgp           24   864CFB           B704CE           no    no     000000           21CF02
 crc-24/os-9              24   800063           FFFFFF           no    no     FFFFFF           200FA5
+crc-30/cdma              30   2030B9C7         3FFFFFFF         no    no     3FFFFFFF         04C34ABF
+crc-31/philips           31   04C11DB7         7FFFFFFF         no    no     7FFFFFFF         0CE9E46C
 crc-32/aixm              32   814141AB         00000000         no    no     00000000         3010BF7F
 crc-32/autosar           32   F4ACFB13         FFFFFFFF         yes   yes    FFFFFFFF         1697D06A
 crc-32/base91-d          32   A833982B         FFFFFFFF         yes   yes    FFFFFFFF         87315576
@@ -82,6 +117,7 @@ crc-32/jamcrc            32   04C11DB7         FFFFFFFF         yes   yes    000
 crc-32/mef               32   741B8CD7         FFFFFFFF         yes   yes    00000000         D2C22F51
 crc-32/mpeg-2            32   04C11DB7         FFFFFFFF         no    no     00000000         0376E6E7
 crc-32/xfer              32   000000AF         00000000         no    no     00000000         BD0BE338
+crc-40/gsm               40   0004820009       0000000000       no    no     FFFFFFFFFF       D4164FC646
 crc-64/ecma-182          64   42F0E1EBA9EA3693 0000000000000000 no    no     0000000000000000 6C40DF5F0B497347
 crc-64/go-iso            64   000000000000001B FFFFFFFFFFFFFFFF yes   yes    FFFFFFFFFFFFFFFF B90956C775A41001
 crc-64/ms                64   259C84CBA6426349 FFFFFFFFFFFFFFFF yes   yes    0000000000000000 75D4B74F024ECEEA
@@ -91,29 +127,46 @@ crc-64/we                64   42F0E1EBA9EA3693 FFFFFFFFFFFFFFFF no    no     FFF
 crc-64/xz                64   42F0E1EBA9EA3693 FFFFFFFFFFFFFFFF yes   yes    FFFFFFFFFFFFFFFF 995DC9BBDF1939FA
 """  # numbers in hexadecimal, as the catalogue writes them
 # Sums are modulo 2^bits; their order of bytes on the wire is the frame's business.
-# inverted: one's complement; negated: two's complement. fletcher-16/mod256 is the "8-bit Fletcher" of RFC 1145.
+# inverted: one's complement; negated: two's complement. fletcher-16/mod256 is the "8-bit Fletcher" of RFC 1145,
+# internet the checksum of RFC 1071, adler-32 that of RFC 1950. Words of 2 or 4 bytes have the byte order of the check
+# unless the file says otherwise, and zero bytes complete the last one. The results are those of high bytes first.
 _OTHERS = """\
-name               kind     bits xorout modulus negated check
-xor8               xor      8    00     0       no      31
-sum8               sum      8    00     0       no      DD
-sum8-inverted      sum      8    FF     0       no      22
-sum8-negated       sum      8    00     0       yes     23
-sum16              sum      16   0000   0       no      01DD
-sum16-inverted     sum      16   FFFF   0       no      FE22
-sum16-negated      sum      16   0000   0       yes     FE23
-sum32              sum      32   0000   0       no      000001DD
-fletcher-16        fletcher 16   0000   255     no      1EDE
-fletcher-16/mod256 fletcher 16   0000   256     no      15DD
+name               kind     bits init   xorout modulus negated unit carry check
+xor8               xor      8    0      00     0       no      1    drop  31
+xor16              xor      16   0      0000   0       no      2    drop  3908
+xor32              xor      32   0      0      0       no      4    drop  3D04040C
+sum8               sum      8    0      00     0       no      1    drop  DD
+sum8-inverted      sum      8    0      FF     0       no      1    drop  22
+sum8-negated       sum      8    0      00     0       yes     1    drop  23
+sum16              sum      16   0      0000   0       no      1    drop  01DD
+sum16-inverted     sum      16   0      FFFF   0       no      1    drop  FE22
+sum16-negated      sum      16   0      0000   0       yes     1    drop  FE23
+sum32              sum      32   0      0      0       no      1    drop  000001DD
+internet           sum      16   0      FFFF   0       no      2    end   F62A
+fletcher-16        fletcher 16   0      0000   255     no      1    drop  1EDE
+fletcher-16/mod256 fletcher 16   0      0000   256     no      1    drop  15DD
+fletcher-32        fletcher 32   0      0      65535   no      2    drop  09DF09D5
+adler-32           fletcher 32   1      0      65521   no      1    drop  091E01DE
 """
+# CRC-32/MPEG-2 over words of 32 bits, low byte first: what the CRC unit of an STM32 works out as its HAL sets it up.
+_OF_WORDS = {"crc-32/stm32": ("crc-32/mpeg-2", 4, ByteOrder.LITTLE, 0xAFF19057)}
 
 
 def _tables() -> tuple[dict[str, Algorithm], dict[str, int]]:
     found: dict[str, Algorithm] = {}
     check_values: dict[str, int] = {}
     for line in _OTHERS.splitlines()[1:]:
-        name, kind, bits, xorout, modulus, negated, check = line.split()
+        name, kind, bits, init, xorout, modulus, negated, unit, carry, check = line.split()
         found[name] = Algorithm(
-            name, CheckKind(kind), int(bits), xorout=int(xorout, 16), modulus=int(modulus), negate=negated == "yes"
+            name,
+            CheckKind(kind),
+            int(bits),
+            init=int(init, 16),
+            xorout=int(xorout, 16),
+            modulus=int(modulus),
+            negate=negated == "yes",
+            unit=int(unit),
+            end_around=carry == "end",
         )
         check_values[name] = int(check, 16)
     for line in _CRCS.splitlines()[1:]:
@@ -123,6 +176,9 @@ def _tables() -> tuple[dict[str, Algorithm], dict[str, int]]:
             name, CheckKind.CRC, int(bits), int(poly, 16), int(init, 16), *reflected, int(xorout, 16)
         )
         check_values[name] = int(check, 16)
+    for name, (base, size, order, value) in _OF_WORDS.items():
+        found[name] = replace(found[base], name=name, unit=size, unit_order=order)
+        check_values[name] = value
     return found, check_values
 
 
@@ -130,9 +186,16 @@ def _tables() -> tuple[dict[str, Algorithm], dict[str, int]]:
 ALGORITHMS, CHECK_VALUES = _tables()
 
 ALIASES: dict[str, str] = {
+    "adler32": "adler-32",
     "arc": "crc-16/arc",
     "b-crc-32": "crc-32/bzip2",
     "cksum": "crc-32/cksum",
+    "crc-10": "crc-10/atm",
+    "crc-10/i-610": "crc-10/atm",
+    "crc-11": "crc-11/flexray",
+    "crc-12-x": "crc-12/dect",
+    "crc-12/3gpp": "crc-12/umts",
+    "crc-15": "crc-15/can",
     "crc-16/acorn": "crc-16/xmodem",
     "crc-16/aug-ccitt": "crc-16/spi-fujitsu",
     "crc-16/autosar": "crc-16/ibm-3740",
@@ -165,8 +228,13 @@ ALIASES: dict[str, str] = {
     "crc-32c": "crc-32/iscsi",
     "crc-32d": "crc-32/base91-d",
     "crc-32q": "crc-32/aixm",
+    "crc-4/itu": "crc-4/g-704",
+    "crc-5/epc": "crc-5/epc-c1g2",
+    "crc-5/itu": "crc-5/g-704",
+    "crc-6/itu": "crc-6/g-704",
     "crc-64": "crc-64/ecma-182",
     "crc-64/go-ecma": "crc-64/xz",
+    "crc-7": "crc-7/mmc",
     "crc-8": "crc-8/smbus",
     "crc-8/aes": "crc-8/tech-3250",
     "crc-8/ebu": "crc-8/tech-3250",
@@ -176,11 +244,16 @@ ALIASES: dict[str, str] = {
     "crc-b": "crc-16/ibm-sdlc",
     "crc-ibm": "crc-16/arc",
     "dow-crc": "crc-8/maxim-dow",
+    "fletcher32": "fletcher-32",
+    "hoverboard": "xor16",
+    "inet": "internet",
     "jamcrc": "crc-32/jamcrc",
     "kermit": "crc-16/kermit",
+    "lrc": "sum8-negated",
     "modbus": "crc-16/modbus",
     "pkzip": "crc-32/iso-hdlc",
     "r-crc-16": "crc-16/dect-r",
+    "stm32-crc": "crc-32/stm32",
     "x-25": "crc-16/ibm-sdlc",
     "x-crc-16": "crc-16/dect-x",
     "xfer": "crc-32/xfer",
@@ -194,14 +267,33 @@ AMBIGUOUS: dict[str, tuple[str, ...]] = {
     "crc-16": ("crc-16/arc", "crc-16/modbus", "crc-16/ibm-3740", "crc-16/xmodem"),
     "crc-ccitt": ("crc-16/kermit", "crc-16/ibm-3740", "crc-16/xmodem", "crc-16/ibm-sdlc"),
     "crc-16/ccitt": ("crc-16/kermit", "crc-16/ibm-3740", "crc-16/xmodem", "crc-16/ibm-sdlc"),
+    "fletcher": ("fletcher-16", "fletcher-16/mod256", "fletcher-32"),
     "sum": ("sum8", "sum16", "sum32"),
-    "xor": ("xor8",),
+    "xor": ("xor8", "xor16", "xor32"),
 }
+
+
+# Kinds that a file may name with a width of its own.
+OWN_KINDS = {"crc": CheckKind.CRC, "sum": CheckKind.SUM, "xor": CheckKind.XOR, "fletcher": CheckKind.FLETCHER}
 
 
 def find(name: str) -> Algorithm | None:
     """The algorithm of this name or alias, under its catalogue name; None if there is none."""
     return ALGORITHMS.get(ALIASES.get(name, name))
+
+
+def in_order(algorithm: Algorithm, order: ByteOrder) -> Algorithm:
+    """With words of this byte order, that of the check's own bytes. A CRC over words has an order by its name."""
+    if algorithm.unit == 1 or algorithm.kind == CheckKind.CRC:
+        return algorithm
+    return replace(algorithm, unit_order=order)
+
+
+def advice_for_kind(kind: CheckKind) -> str:
+    """What to write instead of a kind without its width."""
+    if kind == CheckKind.CRC:
+        return "name one of the catalogue"
+    return f"name one: {', '.join(AMBIGUOUS[kind.value])}"
 
 
 def advice_for_unknown(name: str) -> str:

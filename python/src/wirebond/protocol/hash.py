@@ -19,6 +19,7 @@ import json
 from typing import Any
 
 from wirebond.protocol.model import (
+    Algorithm,
     Bits,
     Comparison,
     Condition,
@@ -97,9 +98,16 @@ def _part(part: Part) -> dict[str, Any]:
     elif part.algorithm is not None:
         a = part.algorithm
         entry["algorithm"] = [a.kind.value, a.width, a.poly, a.init, a.refin, a.refout, a.xorout, a.modulus, a.negate]
+        entry["algorithm"] += _more_than_before(a)
         entry |= {"first": part.first, "last": part.last, "shift": part.shift}
         entry |= {"seeded": part.seeded, "as_hex": part.as_hex}
     return entry
+
+
+def _more_than_before(a: Algorithm) -> list[Any]:
+    """What checks can be since protocols have hashes: nothing of those that were possible before."""
+    more = [a.unit, a.unit_order.value if a.unit > 1 else "", a.odd.value, a.end_around, a.plus, a.kept]
+    return more if more != [1, "", "pad", False, 0, (1 << a.width) - 1] else []
 
 
 def _condition(condition: Condition) -> list[Any]:

@@ -11,6 +11,7 @@ from wirebond.protocol.model import (
     End,
     HeaderField,
     LengthCounts,
+    OddTail,
     Part,
     PartKind,
     PayloadRule,
@@ -27,6 +28,7 @@ from wirebond.protocol.plan import (
     Number,
     Position,
 )
+from wirebond.protocol.registers import register_of
 
 _CONSTANT_KINDS = (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL)
 
@@ -120,7 +122,8 @@ def offsets_of(form_parts: FormParts, algorithms: list[Algorithm], places: dict[
     rules: list[CheckRule] = []
     for _, index, part in checks:
         assert part.algorithm is not None
-        algorithm = algorithms.index(part.algorithm)
+        register, shift = register_of(part.algorithm)
+        algorithm = algorithms.index(register)
         start, stop = start_of(part.first), end_of(part.last)
         continues = -1
         for earlier_index, earlier in enumerate(rules):
@@ -139,13 +142,14 @@ def offsets_of(form_parts: FormParts, algorithms: list[Algorithm], places: dict[
                 at,
                 size,
                 part.order,
-                part.shift,
+                part.shift + shift,
                 part.seeded,
                 part.as_hex,
                 part.on_wire,
                 continues,
             )
         )
+    payload_unit, payload_rest = _refused_sizes(parts, payload_index, [part for _, _, part in checks])
     return Form(
         prefix=prefix,
         suffix=suffix,
@@ -163,9 +167,29 @@ def offsets_of(form_parts: FormParts, algorithms: list[Algorithm], places: dict[
         header=tuple(header),
         choices=tuple(choices),
         exclusions=tuple(exclusions),
+        payload_unit=payload_unit,
+        payload_rest=payload_rest,
         id_mask=id_mask,
         id_value=id_value,
     )
+
+
+def _refused_sizes(parts: tuple[Part, ...], payload_index: int, checks: list[Part]) -> tuple[int, int]:
+    """Which payloads checks over words let pass that refuse an incomplete one: a divisor of the size, and the rest.
+
+    A rest as great as the divisor lets none pass.
+    """
+    found = {1: 0}
+    for check in checks:
+        if check.algorithm is None or check.algorithm.odd != OddTail.REFUSE:
+            continue
+        unit = check.algorithm.unit
+        beside = sum(part.size for index, part in enumerate(parts) if check.first <= index <= check.last)
+        covers_payload = check.first <= payload_index <= check.last
+        found[unit] = -(beside + check.seeded) % unit if covers_payload else (beside % unit and unit)
+    most = max(found)
+    agree = all(rest == found[most] % unit for unit, rest in found.items())
+    return most, found[most] if agree else most
 
 
 def _number_of(choice: Choice, header: list[HeaderNumber], message_id: Number | None) -> Number | None:

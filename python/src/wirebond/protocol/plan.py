@@ -128,6 +128,8 @@ class Form:
     header: tuple[HeaderNumber, ...]
     choices: tuple[FormChoice, ...] = ()
     exclusions: tuple[Exclusion, ...] = ()
+    payload_unit: int = 1  # a check over words refuses payloads whose size, divided by this, does not leave
+    payload_rest: int = 0  # this rest
     id_mask: int = 0  # bits of the id that tell this form from others,
     id_value: int = 0  # and what they are in it
 
@@ -141,8 +143,8 @@ class Form:
         return 0 if self.length is None else self.length.mask * self.length_unit + self.length_bias
 
     def carries(self, payload: int) -> bool:
-        """Can its length tell a payload of this size?"""
-        if not 0 <= payload <= self.most_payload:
+        """Can its length tell a payload of this size, and does no check refuse it?"""
+        if not 0 <= payload <= self.most_payload or payload % self.payload_unit != self.payload_rest:
             return False
         counted = payload - self.length_bias
         return self.length is None or (counted >= 0 and counted % self.length_unit == 0)

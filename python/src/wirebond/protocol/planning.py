@@ -26,6 +26,7 @@ from wirebond.protocol.model.forms import header_fields, own_forms, parts_of_for
 from wirebond.protocol.offsets import offsets_of
 from wirebond.protocol.payload_rules import PayloadRules, bounded, payload_rules
 from wirebond.protocol.plan import NO_ID, Form, Framing, MatchTest, MessageRow, Plan
+from wirebond.protocol.registers import register_of
 
 
 def plan_for(protocol: Protocol, sender: End | None) -> Plan:
@@ -165,7 +166,7 @@ def mixes_ids(parts: tuple[Part, ...], sender: End | None) -> bool:
 
 
 def _algorithms(parts: tuple[Part, ...]) -> list[Algorithm]:
-    return list(dict.fromkeys(part.algorithm for part in parts if part.algorithm is not None))
+    return list(dict.fromkeys(register_of(part.algorithm)[0] for part in parts if part.algorithm is not None))
 
 
 def _framing(protocol: Protocol) -> Framing:

@@ -9,11 +9,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 
+from wirebond.protocol import algorithms
 from wirebond.protocol.model import (
     SENDER_NUMBERS,
+    Algorithm,
     BitRole,
     Bits,
     ByteOrder,
+    CheckKind,
     Comparison,
     Condition,
     Field,
@@ -241,16 +244,44 @@ def _payload(parts: tuple[Part, ...], index: int) -> str:
     return str(part.fixed_payload) if part.payload == PayloadRule.FIXED else part.payload.value
 
 
+def _parameters(algorithm: Algorithm, order: ByteOrder) -> list[str]:
+    """What the algorithm's name does not say."""
+    named = algorithms.find(algorithm.name)
+    plain = named or Algorithm(algorithm.name, algorithm.kind, algorithm.width)
+    options = [] if named else [f"width: {algorithm.width}"]
+    if algorithm.kind == CheckKind.CRC and not named:
+        options += [f"poly: {algorithm.poly:#x}", f"init: {algorithm.init:#x}"]
+        options += [f"refin: {str(algorithm.refin).lower()}", f"refout: {str(algorithm.refout).lower()}"]
+    elif algorithm.init != plain.init:
+        options.append(f"init: {algorithm.init:#x}")
+    if algorithm.unit != plain.unit:
+        options.append(f"unit: {algorithm.unit}")
+    usual = plain.unit_order if algorithm.kind == CheckKind.CRC and plain.unit > 1 else order
+    if algorithm.unit > 1 and algorithm.unit_order != usual:
+        options.append(f"unit_order: {algorithm.unit_order.value}")
+    if algorithm.odd != plain.odd:
+        options.append(f"odd: {algorithm.odd.value}")
+    if algorithm.end_around != plain.end_around:
+        options.append("carry: end_around")
+    if algorithm.modulus != plain.modulus:
+        options.append(f"modulo: {algorithm.modulus}")
+    if algorithm.negate != plain.negate:
+        options.append("negate: true")
+    if algorithm.plus != plain.plus:
+        options.append(f"plus: {algorithm.plus:#x}")
+    if algorithm.kept != plain.kept:
+        options.append(f"mask: {algorithm.kept:#x}")
+    if algorithm.xorout != plain.xorout or (algorithm.kind == CheckKind.CRC and not named):
+        options.append(f"xorout: {algorithm.xorout:#x}")
+    return options
+
+
 def _check(parts: tuple[Part, ...], index: int) -> str:
     part = parts[index]
     algorithm = part.algorithm
     assert algorithm is not None
     size = part.size // 2 if part.as_hex else part.size
-    options = []
-    if algorithm.name == "crc":
-        options += [f"width: {algorithm.width}", f"poly: {algorithm.poly:#x}", f"init: {algorithm.init:#x}"]
-        options += [f"refin: {str(algorithm.refin).lower()}", f"refout: {str(algorithm.refout).lower()}"]
-        options.append(f"xorout: {algorithm.xorout:#x}")
+    options = _parameters(algorithm, part.order)
     if 8 * size < algorithm.width:
         options.append("byte: high" if part.shift else "byte: low")
     if (part.first, part.last) != (0, index - 1):

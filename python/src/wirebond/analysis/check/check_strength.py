@@ -164,12 +164,14 @@ def _reason(frame_format: FrameFormat) -> str:
     if algorithm.kind == CheckKind.SUM and part.shift:
         return "only the high byte of a sum is sent: most wrong bits change only the low byte, so they go unnoticed"
     if algorithm.kind == CheckKind.SUM:
-        return "in a sum two errors of opposite sign cancel, and the order of bytes does not matter"
+        units = "bytes" if algorithm.unit == 1 else "words"
+        return f"in a sum two errors of opposite sign cancel, and the order of {units} does not matter"
     if algorithm.kind == CheckKind.XOR:
-        return "in an exclusive-or two wrong bits at the same place of two bytes cancel"
+        units = "bytes" if algorithm.unit == 1 else "words"
+        return f"in an exclusive-or two wrong bits at the same place of two {units} cancel"
     if algorithm.kind == CheckKind.FLETCHER:
         return "Fletcher's sums are weak against errors close together, and some of them do not tell 0x00 from 0xFF"
-    bits = (4 if part.as_hex else 8) * part.size
+    bits = min((4 if part.as_hex else 8) * part.size, algorithm.kept.bit_count())
     if bits < 16:
         return f"a check of {bits} bits agrees by chance with 1 in {count(2**bits)} damaged frames"
     return "this check does not suit these frames: they are too long for it, or part of them is not covered"

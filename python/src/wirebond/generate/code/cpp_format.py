@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from wirebond.generate.code.cpp_field import bool_literal, comment_text
-from wirebond.protocol.model import Algorithm, CheckKind
+from wirebond.protocol.model import Algorithm, ByteOrder, CheckKind, OddTail
 from wirebond.protocol.plan import Exclusion, Framing, HeaderNumber, Number, Plan, Position
 
 
@@ -91,6 +91,9 @@ def format_lines(plan: Plan) -> list[str]:
             lines.append(f"{to}.trims_zeros = true;")
         if form.length_unit != 1:
             lines.append(f"{to}.length_unit = {form.length_unit};")
+        if form.payload_unit != 1:
+            lines.append(f"{to}.payload_unit = {form.payload_unit};")
+            lines.append(f"{to}.payload_rest = {form.payload_rest};")
         lines += [f"{to}.{n} = {_number(v)};" for n, v in (("length", form.length), ("id", form.id)) if v]
         lines += [
             f"{to}.constants[{i}] = {{{_position(c.at)}, 0x{c.mask:02X}, 0x{c.value:02X}}};"
@@ -137,16 +140,34 @@ def _check_kind(algorithm: Algorithm) -> str:
     return "wirebond::CheckKind::" + {CheckKind.XOR: "exclusive_or"}.get(algorithm.kind, algorithm.kind)
 
 
+_ODD_TAILS: dict[str, str] = {OddTail.PAD: "pad", OddTail.XOR: "exclusive_or", OddTail.REFUSE: "refuse"}
+
+
 def _algorithm(algorithm: Algorithm) -> str:
     flags = ", ".join(bool_literal(flag) for flag in (algorithm.refin, algorithm.refout))
     numbers = ", ".join(f"0x{n:X}U" for n in (algorithm.poly, algorithm.init, algorithm.xorout))
-    rest = f", {algorithm.modulus}, {bool_literal(algorithm.negate)}" if algorithm.modulus or algorithm.negate else ""
-    return f"{{{_check_kind(algorithm)}, {algorithm.width}, {flags}, {numbers}{rest}}}"
+    rest = [
+        str(algorithm.modulus),
+        bool_literal(algorithm.negate),
+        str(algorithm.unit),
+        bool_literal(algorithm.unit_order == ByteOrder.LITTLE and algorithm.unit > 1),
+        f"wirebond::OddTail::{_ODD_TAILS[algorithm.odd]}",
+        bool_literal(algorithm.end_around),
+        f"0x{algorithm.plus:X}U",
+        f"0x{algorithm.kept:X}U",
+    ]
+    defaults = ["0", "false", "1", "false", "wirebond::OddTail::pad", "false", "0x0U", f"0x{2**algorithm.width - 1:X}U"]
+    while rest and rest[-1] == defaults[len(rest) - 1]:
+        rest.pop()
+    return f"{{{', '.join([_check_kind(algorithm), str(algorithm.width), flags, numbers, *rest])}}}"
 
 
 def update_call(algorithm: Algorithm, index: int) -> str:
     """The call that runs an algorithm's register over bytes."""
-    if algorithm.kind == CheckKind.CRC:
-        reflected = "true" if algorithm.refin else "false"
-        return f"wirebond::crc_update<{algorithm.width}, 0x{algorithm.poly:X}U, {reflected}>(reg, bytes, size)"
-    return f"wirebond::sum_update(format_from_host.algorithms[{index}], reg, bytes, size)"
+    by_parameters = f"format_from_host.algorithms[{index}]"
+    if algorithm.kind != CheckKind.CRC:
+        return f"wirebond::sum_update({by_parameters}, reg, bytes, size)"
+    known = f"{algorithm.width}, 0x{algorithm.poly:X}U, {bool_literal(algorithm.refin)}"
+    if algorithm.unit > 1:
+        return f"wirebond::crc_words_update<{known}>({by_parameters}, reg, bytes, size)"
+    return f"wirebond::crc_update<{known}>(reg, bytes, size)"

@@ -20,6 +20,7 @@ from wirebond.protocol.model import (
     CheckKind,
     FrameFormat,
     LengthCounts,
+    OddTail,
     Part,
     PartKind,
     PayloadRule,
@@ -325,20 +326,39 @@ def checks_chapter(protocol: Protocol) -> list[str]:
     return lines
 
 
+_ODD_TAILS: dict[str, str] = {
+    OddTail.PAD: "zero bytes complete the unit",
+    OddTail.XOR: "each is combined with the value by exclusive-or",
+    OddTail.REFUSE: "refused",
+}
+
+
 def _algorithm(algorithm: Algorithm) -> list[str]:
-    width = algorithm.width // 4
-    value = checksum(algorithm, b"123456789")
+    width = (algorithm.width + 3) // 4
+    digits = "123456789"[: 8 if algorithm.odd == OddTail.REFUSE else 9]  # 8: any unit divides it
+    value = checksum(algorithm, digits.encode())
     rows = [("kind", algorithm.kind), ("width", f"{algorithm.width} bits")]
     if algorithm.kind == CheckKind.CRC:
         rows.append(("poly", f"0x{algorithm.poly:0{width}X}"))
     rows += [("init", f"0x{algorithm.init:0{width}X}")]
     if algorithm.kind == CheckKind.CRC:
         rows += [("refin", str(algorithm.refin).lower()), ("refout", str(algorithm.refout).lower())]
+    if algorithm.unit > 1:
+        rows.append(("unit", f"{algorithm.unit} bytes, {algorithm.unit_order.value}-endian"))
+        rows.append(("bytes behind the last unit", _ODD_TAILS[algorithm.odd]))
     if algorithm.kind == CheckKind.FLETCHER:
         rows.append(("modulus of both sums", str(algorithm.modulus or 1 << algorithm.width // 2)))
+    elif algorithm.modulus:
+        rows.append(("modulus", str(algorithm.modulus)))
+    if algorithm.end_around:
+        rows.append(("carry", "out of the highest bit, added at the lowest"))
     if algorithm.negate:
         rows.append(("two's complement of the value", "yes"))
-    rows += [("xorout", f"0x{algorithm.xorout:0{width}X}"), ('value over "123456789"', f"0x{value:0{width}X}")]
+    if algorithm.plus:
+        rows.append(("added to it", f"0x{algorithm.plus:0{width}X}"))
+    if algorithm.kept != (1 << algorithm.width) - 1:
+        rows.append(("mask", f"0x{algorithm.kept:0{width}X}"))
+    rows += [("xorout", f"0x{algorithm.xorout:0{width}X}"), (f'value over "{digits}"', f"0x{value:0{width}X}")]
     return [
         f"### {algorithm.name}",
         "",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
-from wirebond.protocol.model import Algorithm, CheckKind
+from wirebond.protocol.model import Algorithm, ByteOrder, CheckKind, OddTail
 
 
 def function_name(algorithm: Algorithm) -> str:
@@ -24,11 +24,10 @@ def c_function(algorithm: Algorithm) -> list[str]:
         f"{returned} {function_name(algorithm)}(const uint8_t *data, size_t size) {{",
         f"    {register} value = {_c_number(_begin(algorithm), algorithm)};",
         *_c_halves(algorithm),
-        "    for (size_t i = 0; i < size; ++i) {",
-        *(f"        {step}" for step in steps),
-        "    }",
+        *_c_loop(algorithm, steps),
         *(f"    {line}" for line in after),
-        *_c_negated(algorithm, end),
+        *_c_tail(algorithm),
+        *(f"    {end} = {step};" for step in _last_steps(algorithm, end, _c_number, "0 - ")),
         f"    return ({returned})({_xored(end, algorithm, _c_number)});",
         "}",
     ]
@@ -40,23 +39,71 @@ def python_function(algorithm: Algorithm) -> list[str]:
         f"def {function_name(algorithm)}(data: bytes) -> int:",
         f"    value = {_hex(_begin(algorithm), algorithm)}",
         *_python_halves(algorithm),
-        "    for byte in data:",
-        *(f"        {step}" for step in steps),
+        *_python_loop(algorithm, steps),
         *(f"    {line}" for line in after),
-        *_python_negated(algorithm, end),
+        *_python_tail(algorithm),
+        *(f"    {end} = {step}" for step in _last_steps(algorithm, end, _hex, "-")),
         f"    return {_xored(end, algorithm, _hex)}",
     ]
 
 
+def _c_loop(algorithm: Algorithm, steps: list[str]) -> list[str]:
+    """Over bytes, or over words: of the last one, too, where zeros complete it."""
+    size = algorithm.unit
+    if size == 1:
+        return ["    for (size_t i = 0; i < size; ++i) {", *(f"        {step}" for step in steps), "    }"]
+    place = "8 * k" if algorithm.unit_order == ByteOrder.LITTLE else f"8 * ({size - 1} - k)"
+    is_padded = algorithm.odd == OddTail.PAD
+    return [
+        f"    for (size_t i = 0; {'i < size' if is_padded else f'i + {size} <= size'}; i += {size}) {{",
+        "        uint32_t word = 0;",
+        f"        for (size_t k = 0; k < {size}{' && i + k < size' * is_padded}; ++k) {{",
+        f"            word |= (uint32_t)data[i + k] << ({place});",
+        "        }",
+        *(f"        {step}" for step in steps),
+        "    }",
+    ]
+
+
+def _python_loop(algorithm: Algorithm, steps: list[str]) -> list[str]:
+    size = algorithm.unit
+    if size == 1:
+        return ["    for byte in data:", *(f"        {step}" for step in steps)]
+    end = "len(data)" if algorithm.odd == OddTail.PAD else f"len(data) - len(data) % {size}"
+    bytes_ = f"data[i : i + {size}]"
+    if algorithm.odd == OddTail.PAD:
+        bytes_ += f'.ljust({size}, b"\\0")'
+    return [
+        f"    for i in range(0, {end}, {size}):",
+        f'        word = int.from_bytes({bytes_}, "{algorithm.unit_order.value}")',
+        *(f"        {step}" for step in steps),
+    ]
+
+
+def _c_tail(algorithm: Algorithm) -> list[str]:
+    if algorithm.odd != OddTail.XOR:
+        return []
+    return [f"    for (size_t i = size - size % {algorithm.unit}; i < size; ++i) value ^= data[i];"]
+
+
+def _python_tail(algorithm: Algorithm) -> list[str]:
+    if algorithm.odd != OddTail.XOR:
+        return []
+    return [f"    for byte in data[len(data) - len(data) % {algorithm.unit} :]:", "        value ^= byte"]
+
+
+def _last_steps(algorithm: Algorithm, name: str, number: _Number, minus: str) -> list[str]:
+    """What is done to the register's value: lines that each give it anew."""
+    steps = [f"({minus}{name}) & {number(_mask(algorithm), algorithm)}"] * algorithm.negate
+    if algorithm.plus:
+        steps.append(f"({name} + {number(algorithm.plus, algorithm)}) & {number(_mask(algorithm), algorithm)}")
+    if algorithm.kept != _mask(algorithm):
+        steps.append(f"{name} & {number(algorithm.kept, algorithm)}")
+    return steps
+
+
+_Number = Callable[[int, Algorithm], str]
 _Code = tuple[list[str], list[str], str]  # the loop's lines, those behind it, and the name of the result
-
-
-def _c_negated(algorithm: Algorithm, name: str) -> list[str]:
-    return [f"    {name} = (0 - {name}) & {_c_number(_mask(algorithm), algorithm)};"] * algorithm.negate
-
-
-def _python_negated(algorithm: Algorithm, name: str) -> list[str]:
-    return [f"    {name} = -{name} & {_hex(_mask(algorithm), algorithm)}"] * algorithm.negate
 
 
 def _mask(algorithm: Algorithm) -> int:
@@ -79,9 +126,13 @@ def _python_halves(algorithm: Algorithm) -> list[str]:
 
 
 def _begin(algorithm: Algorithm) -> int:
-    return (
-        _reflected(algorithm.init, algorithm) if algorithm.kind == CheckKind.CRC and algorithm.refin else algorithm.init
-    )
+    is_mirrored = algorithm.kind == CheckKind.CRC and algorithm.refin and not _goes_by_bits(algorithm)
+    return _reflected(algorithm.init, algorithm) if is_mirrored else algorithm.init
+
+
+def _goes_by_bits(algorithm: Algorithm) -> bool:
+    """Does a CRC take its bits one by one, because no byte fits its register's end?"""
+    return algorithm.unit > 1 or algorithm.width < 8
 
 
 def _reflected(value: int, algorithm: Algorithm) -> int:
@@ -89,18 +140,51 @@ def _reflected(value: int, algorithm: Algorithm) -> int:
 
 
 def _hex(value: int, algorithm: Algorithm) -> str:
-    return f"0x{value:0{algorithm.width // 4}X}"
+    return f"0x{value:0{(algorithm.width + 3) // 4}X}"
 
 
 def _c_number(value: int, algorithm: Algorithm) -> str:
     return _hex(value, algorithm) + ("ULL" if algorithm.width > 32 else "u")
 
 
-def _xored(text: str, algorithm: Algorithm, number: Callable[[int, Algorithm], str]) -> str:
+def _xored(text: str, algorithm: Algorithm, number: _Number) -> str:
     return f"{text} ^ {number(algorithm.xorout, algorithm)}" if algorithm.xorout else text
 
 
+def _c_bits(algorithm: Algorithm) -> _Code:
+    """A CRC that takes one bit after the other."""
+    bits = 8 * algorithm.unit
+    number = "data[i]" if algorithm.unit == 1 else "word"
+    place = "bit" if algorithm.refin else f"{bits - 1} - bit"
+    poly, mask = (_c_number(value, algorithm) for value in (algorithm.poly, _mask(algorithm)))
+    steps = [
+        f"for (int bit = 0; bit < {bits}; ++bit) {{",
+        f"    uint32_t differs = (({number} >> ({place})) ^ (value >> {algorithm.width - 1})) & 1;",
+        f"    value = ((value << 1) ^ (differs ? {poly} : 0)) & {mask};",
+        "}",
+    ]
+    if not algorithm.refout:
+        return steps, [], "value"
+    mirrored = f"for (int bit = 0; bit < {algorithm.width}; ++bit) mirrored = (mirrored << 1) | ((value >> bit) & 1);"
+    return steps, ["uint32_t mirrored = 0;", mirrored], "mirrored"
+
+
+def _python_bits(algorithm: Algorithm) -> _Code:
+    bits = 8 * algorithm.unit
+    number = "byte" if algorithm.unit == 1 else "word"
+    order = f"range({bits})" if algorithm.refin else f"reversed(range({bits}))"
+    steps = [
+        f"for bit in {order}:",
+        f"    differs = (({number} >> bit) ^ (value >> {algorithm.width - 1})) & 1",
+        f"    value = (value << 1 ^ differs * {_hex(algorithm.poly, algorithm)}) & {_hex(_mask(algorithm), algorithm)}",
+    ]
+    after = [f'value = int(f"{{value:0{algorithm.width}b}}"[::-1], 2)'] * algorithm.refout
+    return steps, after, "value"
+
+
 def _c_crc(algorithm: Algorithm) -> _Code:
+    if _goes_by_bits(algorithm):
+        return _c_bits(algorithm)
     top = _c_number(1 << (algorithm.width - 1), algorithm)
     mask = _c_number(_mask(algorithm), algorithm)
     if algorithm.refin:
@@ -129,6 +213,8 @@ def _c_crc(algorithm: Algorithm) -> _Code:
 
 
 def _python_crc(algorithm: Algorithm) -> _Code:
+    if _goes_by_bits(algorithm):
+        return _python_bits(algorithm)
     if algorithm.refin:
         poly = _hex(_reflected(algorithm.poly, algorithm), algorithm)
         steps = [
@@ -150,28 +236,47 @@ def _python_crc(algorithm: Algorithm) -> _Code:
     return steps, after, "value"
 
 
+def _c_name(algorithm: Algorithm) -> str:
+    return "data[i]" if algorithm.unit == 1 else "word"
+
+
+def _python_name(algorithm: Algorithm) -> str:
+    return "byte" if algorithm.unit == 1 else "word"
+
+
 def _c_sum(algorithm: Algorithm) -> _Code:
-    mask = _c_number(_mask(algorithm), algorithm)
-    return [f"value = (value + data[i]) & {mask};"], [], "value"
+    number, width, mask = _c_name(algorithm), algorithm.width, _c_number(_mask(algorithm), algorithm)
+    if not algorithm.modulus and not algorithm.end_around:
+        return [f"value = (value + {number}) & {mask};"], [], "value"
+    steps = [f"uint64_t sum = (uint64_t)value + {number};"]  # a carry out of 32 bits counts
+    if algorithm.end_around:
+        steps.append(f"while (sum >> {width}) sum = (sum & {mask}) + (sum >> {width});")
+        return [*steps, "value = (uint32_t)sum;"], [], "value"
+    return [*steps, f"value = (uint32_t)(sum % {algorithm.modulus});"], [], "value"
 
 
 def _python_sum(algorithm: Algorithm) -> _Code:
-    mask = _hex(_mask(algorithm), algorithm)
-    return [f"value = (value + byte) & {mask}"], [], "value"
+    number, width, mask = _python_name(algorithm), algorithm.width, _hex(_mask(algorithm), algorithm)
+    if algorithm.end_around:
+        carried = f"    value = (value & {mask}) + (value >> {width})"
+        return [f"value += {number}", f"while value >> {width}:", carried], [], "value"
+    if algorithm.modulus:
+        return [f"value = (value + {number}) % {algorithm.modulus}"], [], "value"
+    return [f"value = (value + {number}) & {mask}"], [], "value"
 
 
-def _c_xor(_: Algorithm) -> _Code:
-    return ["value ^= data[i];"], [], "value"
+def _c_xor(algorithm: Algorithm) -> _Code:
+    return [f"value ^= {_c_name(algorithm)};"], [], "value"
 
 
-def _python_xor(_: Algorithm) -> _Code:
-    return ["value ^= byte"], [], "value"
+def _python_xor(algorithm: Algorithm) -> _Code:
+    return [f"value ^= {_python_name(algorithm)}"], [], "value"
 
 
 def _c_fletcher(algorithm: Algorithm) -> _Code:
     half, modulus = algorithm.width // 2, _modulus(algorithm)
     return (
-        [f"first = (first + data[i]) % {modulus}u;", f"second = (second + first) % {modulus}u;"],
+        [f"first = (first + {_c_name(algorithm)}) % {modulus}u;", f"second = (second + first) % {modulus}u;"],
         [f"value = (second << {half}) | first;"],
         "value",
     )
@@ -180,7 +285,7 @@ def _c_fletcher(algorithm: Algorithm) -> _Code:
 def _python_fletcher(algorithm: Algorithm) -> _Code:
     half, modulus = algorithm.width // 2, _modulus(algorithm)
     return (
-        [f"first = (first + byte) % {modulus}", f"second = (second + first) % {modulus}"],
+        [f"first = (first + {_python_name(algorithm)}) % {modulus}", f"second = (second + first) % {modulus}"],
         [f"value = second << {half} | first"],
         "value",
     )

@@ -33,6 +33,12 @@ def uncarried(parts: tuple[Part, ...], id_bits: int, message: Message) -> str:
             )
         for size in (message.min_payload, message.max_payload):
             allowed = [form for form in own if _allows(form, message, size)]
+            units = {form.payload_unit for form in own if size % form.payload_unit != form.payload_rest}
+            if not allowed and len(units) == 1:
+                return (
+                    f"with {size} payload bytes `{message.name}` ends within a word of {units.pop()} bytes, which the "
+                    "check refuses (`odd: refuse`); add a field `{type: padding, size: 1}`, or write `odd: pad`"
+                )
             found = _uncarried_id(allowed, message, id_bits)
             if found is None:
                 continue
@@ -50,7 +56,7 @@ def _number(value: int) -> str:
 
 def _allows(form: Form, message: Message, size: int) -> bool:
     """Can such a frame carry the message, as far as everything but its id says?"""
-    if size > form.most_payload:
+    if size > form.most_payload or size % form.payload_unit != form.payload_rest:
         return False
     sizes = [held.choice for held in form.choices if held.choice.subject == Subject.SIZE]
     matched = [match for match in message.match if match.of == MatchOf.HEADER]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from wirebond.protocol import algorithms, plan, planning
+from wirebond.protocol import plan, planning
 from wirebond.protocol.apart import alike
+from wirebond.protocol.meaning.checks import algorithm_of
 from wirebond.protocol.meaning.conditions import read_condition
 from wirebond.protocol.meaning.draft import Draft, Envelope
 from wirebond.protocol.meaning.envelope import read_envelope, stuffed_parts
@@ -20,11 +21,9 @@ from wirebond.protocol.meaning.header import (
 from wirebond.protocol.meaning.messages import spoken
 from wirebond.protocol.model import (
     Address,
-    Algorithm,
     BitRole,
     Bits,
     ByteOrder,
-    CheckKind,
     End,
     FieldKind,
     HeaderField,
@@ -54,7 +53,6 @@ from wirebond.protocol.text.frame_grammar import (
     TailPart,
 )
 from wirebond.protocol.text.frame_grammar import Check as CheckSyntax
-from wirebond.protocol.text.scalars import OWN_CRC
 from wirebond.protocol.text.syntax import readable_part
 from wirebond.protocol.text.wording import Syntax
 from wirebond.protocol.text.yaml_tree import Mapping, Node, Sequence
@@ -242,8 +240,9 @@ class _FrameReader:
         part = parts[index]
         options = node.get("check")
         where = options if isinstance(options, Mapping) else Mapping(node.value_place("check"))
-        algorithm = self._algorithm(check, where)
-        size, shift = algorithm.width // 8, 0
+        order = ByteOrder(check.byte_order) if check.byte_order else self._order
+        algorithm = algorithm_of(check, where, order, self._wrong)
+        size, shift = (algorithm.width + 7) // 8, 0
         as_hex = check.text is not None
         if check.byte is not None:
             shift = algorithm.width - 8 if check.byte == "high" else 0
@@ -263,7 +262,7 @@ class _FrameReader:
         return replace(
             part,
             size=2 * size if as_hex else size,
-            order=ByteOrder(check.byte_order) if check.byte_order else self._order,
+            order=order,
             as_hex=as_hex,
             seeded=check.seed is not None,
             algorithm=algorithm,
@@ -300,45 +299,6 @@ class _FrameReader:
         else:
             self._wrong(place, f"the frame has no part `{name}`; {suggestion(name, dict.fromkeys(names))}")
         return -1
-
-    def _algorithm(self, check: CheckSyntax, node: Mapping) -> Algorithm:
-        parameters = {key: getattr(check, key) for key in ("width", "poly", "init", "refin", "refout", "xorout")}
-        given = [key for key, value in parameters.items() if value is not None]
-        known = algorithms.find(check.type)
-        if known is not None:
-            for key in given:
-                self._wrong(
-                    node.key_place(key),
-                    f"`{check.type}` has its own `{key}`; remove this, or write `type: crc` for your own",
-                )
-            return known
-        for key in ("width", "poly"):
-            if key not in given:
-                self._wrong(node.key_place("type"), f"a CRC of your own needs `{key}`; or name one of the catalogue")
-        width = int(check.width or 16)
-        for key in ("poly", "init", "xorout"):
-            value = parameters[key]
-            if value is not None and value >= 2**width:
-                self._wrong(
-                    node.value_place(key),
-                    f"{value:#x} has more than {width} bits; write at most {2**width - 1:#x}",
-                )
-        if check.poly is not None and check.poly % 2 == 0:
-            self._wrong(
-                node.value_place("poly"),
-                "a CRC's polynomial is odd; write it highest power first (0x1021), without its "
-                "leading one, not reflected",
-            )
-        return Algorithm(
-            OWN_CRC,
-            CheckKind.CRC,
-            width,
-            check.poly or 0,
-            check.init or 0,
-            bool(check.refin),
-            bool(check.refout),
-            check.xorout or 0,
-        )
 
     # ---- which part may stand where ----
 

@@ -45,9 +45,21 @@ class CheckKind(StrEnum):
     FLETCHER = "fletcher"
 
 
+class OddTail(StrEnum):
+    """What becomes of bytes behind the last whole word, where a check runs over words."""
+
+    PAD = "pad"  # zero bytes complete the word
+    XOR = "xor"  # each byte is combined with the register by exclusive-or
+    REFUSE = "refuse"  # no value fits
+
+
 @dataclass(frozen=True)
 class Algorithm:
-    """A check algorithm by its parameters. CRC parameters as in the reveng catalogue (Rocksoft model)."""
+    """A check algorithm by its parameters. CRC parameters as in the reveng catalogue (Rocksoft model).
+
+    The value is worked out in this order: the register over the units, ``odd``, ``negate``, ``plus``, ``mask``,
+    ``xorout``.
+    """
 
     name: str
     kind: CheckKind
@@ -57,8 +69,19 @@ class Algorithm:
     refin: bool = False
     refout: bool = False
     xorout: int = 0
-    modulus: int = 0  # Fletcher: of both sums; 0: 2 ** (width / 2)
-    negate: bool = False  # two's complement of the value, before xorout
+    modulus: int = 0  # of a sum, and of both of Fletcher's; 0: 2 ** width, 2 ** (width / 2)
+    negate: bool = False  # two's complement of the value
+    unit: int = 1  # bytes of a word: 1, 2, 4
+    unit_order: ByteOrder = ByteOrder.BIG
+    odd: OddTail = OddTail.PAD
+    end_around: bool = False  # sum: a carry out of the highest bit is added to the lowest one
+    plus: int = 0
+    mask: int | None = None  # bits of the value that are kept; None: all
+
+    @property
+    def kept(self) -> int:
+        every = (1 << self.width) - 1
+        return every if self.mask is None else self.mask & every
 
 
 class BitRole(StrEnum):

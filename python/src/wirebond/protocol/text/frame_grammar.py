@@ -16,6 +16,7 @@ from wirebond.protocol.text.field_types import ContainerType, HeaderType, RunTyp
 from wirebond.protocol.text.scalars import (
     Bool,
     CheckName,
+    CheckWidth,
     ConstantBytes,
     DelimiterBytes,
     Duration,
@@ -23,6 +24,7 @@ from wirebond.protocol.text.scalars import (
     LengthOffset,
     MagicBytes,
     MagicValue,
+    Modulus,
     Name,
     OneByte,
     OwnValues,
@@ -65,12 +67,15 @@ class Length(Syntax):
 
 
 class Check(Syntax):
-    """A check, in full. `type: crc` with `width` and `poly` gives a CRC of one's own."""
+    """A check, in full. `type: crc`, `sum`, `xor` or `fletcher` with a `width` gives one of one's own.
+
+    Its value is worked out in this order: the sum over the units, `odd`, `negate`, `plus`, `mask`, `xorout`.
+    """
 
     noun = "`check`"
 
     type: CheckName = Field(
-        description="Name in the catalogue of CRC algorithms, xor8, sum8, sum16, sum32, or crc for one's own.",
+        description="Name in the catalogue of check algorithms, or crc, sum, xor or fletcher for one's own.",
         examples=["crc-16/ibm-sdlc"],
     )
     over: PartRange | None = Field(
@@ -92,17 +97,41 @@ class Check(Syntax):
         description="Each message's `seed` is counted behind the range, and not sent.",
         examples=["message"],
     )
-    width: Annotated[
-        int | None,
-        PlainValidator(one_of_numbers(8, 16, 24, 32, 64), json_schema_input_type=Literal[8, 16, 24, 32, 64]),
-    ] = Field(None, description="Bits of one's own CRC.", examples=[16])
+    width: CheckWidth | None = Field(None, description="Bits of one's own check.", examples=[16])
     poly: Register | None = Field(
         None, description="Polynomial, highest power first, without the leading one.", examples=["0x1021"]
     )
     init: Register | None = Field(None, description="Register at the start. Default: 0.", examples=["0xFFFF"])
     refin: Bool | None = Field(None, description="Bytes enter lowest bit first. Default: false.", examples=["true"])
     refout: Bool | None = Field(None, description="The result is reflected. Default: false.", examples=["true"])
-    xorout: Register | None = Field(None, description="Combined with the result. Default: 0.", examples=["0xFFFF"])
+    unit: Annotated[int, PlainValidator(one_of_numbers(1, 2, 4), json_schema_input_type=Literal[1, 2, 4])] | None = (
+        Field(None, description="Bytes of the words that it runs over. Default: 1.", examples=[2])
+    )
+    unit_order: Annotated[str | None, one_word("little", "big")] = Field(
+        None, description="Byte order of the words. Default: the check's own.", examples=["big"]
+    )
+    odd: Annotated[str | None, one_word("pad", "xor", "refuse")] = Field(
+        None,
+        description="Bytes behind the last whole word: pad it with zeros (the default), combine each by "
+        "exclusive-or, or refuse the frame.",
+        examples=["xor"],
+    )
+    carry: Annotated[str | None, one_word("drop", "end_around")] = Field(
+        None,
+        description="What a sum does with a carry out of its highest bit: drop it (the default), or add it at the "
+        "lowest.",
+        examples=["end_around"],
+    )
+    modulo: Modulus | None = Field(
+        None, description="A sum, or both of Fletcher's, modulo this. Default: what its width holds.", examples=[255]
+    )
+    negate: Bool | None = Field(None, description="The two's complement is sent. Default: false.", examples=["true"])
+    plus: Register | None = Field(None, description="Added to the value. Default: 0.", examples=[1])
+    sums_to: Register | None = Field(None, description="The sum and its check add up to this.", examples=["0x55"])
+    mask: Register | None = Field(None, description="Bits of the value that are sent. Default: all.", examples=["0x7F"])
+    xorout: Register | None = Field(
+        None, description="Combined with the result by exclusive-or. Default: 0.", examples=["0xFFFF"]
+    )
 
 
 def _payload(value: object) -> int | str:

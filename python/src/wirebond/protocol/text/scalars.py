@@ -213,6 +213,8 @@ BitNumber = Annotated[int, _integer(0, 63)]
 WireInteger = Annotated[int, _integer(-(2**63), 2**64 - 1)]
 LengthOffset = Annotated[int, _integer(-0xFFFF, 0xFFFF)]
 Register = Annotated[int, _integer(0, 2**64 - 1)]
+CheckWidth = Annotated[int, _integer(1, 64)]
+Modulus = Annotated[int, _integer(2, 0xFFFF)]
 Baud = Annotated[int, _integer(50, 100_000_000)]
 StopBits = Annotated[float, PlainValidator(one_of_numbers(1, 1.5, 2), json_schema_input_type=Literal[1, 1.5, 2])]
 
@@ -429,11 +431,9 @@ PartType = Annotated[
 
 # ---- checks --------------------------------------------------------------------------------------
 
-OWN_CRC = "crc"
-
 
 def _validate_name(value: object) -> str:
-    if isinstance(value, str) and (value == OWN_CRC or algorithms.find(value) is not None):
+    if isinstance(value, str) and (value in algorithms.OWN_KINDS or algorithms.find(value) is not None):
         return value
     if isinstance(value, str):
         raise wrong(f"{quoted(value)} is not a check that is known; {algorithms.advice_for_unknown(value)}")
@@ -503,7 +503,7 @@ MagicValue = Annotated[
 ]
 
 
-_CHECK_NAMES = (OWN_CRC, *algorithms.ALGORITHMS, *algorithms.ALIASES)
+_CHECK_NAMES = (*algorithms.OWN_KINDS, *algorithms.ALGORITHMS, *algorithms.ALIASES)
 CheckName = Annotated[
     str,
     PlainValidator(_validate_name, json_schema_input_type=Literal[_CHECK_NAMES]),

@@ -15,7 +15,7 @@ from wirebond.analysis.explain.layout import (
     spans,
 )
 from wirebond.analysis.explain.stuffing import stuff
-from wirebond.protocol.algorithms import ALGORITHMS
+from wirebond.protocol.algorithms import ALGORITHMS, in_order
 from wirebond.protocol.model import Algorithm, ByteOrder, CheckKind, Part, PartKind
 from wirebond.protocol.spelling import range_text
 
@@ -191,7 +191,8 @@ def _other_spelling(part: Part) -> list[Part]:
     if part.as_hex:
         return []
     if part.size > 1:
-        return [replace(part, order=ByteOrder.LITTLE if part.order == ByteOrder.BIG else ByteOrder.BIG)]
+        order = ByteOrder.LITTLE if part.order == ByteOrder.BIG else ByteOrder.BIG
+        return [replace(part, order=order, algorithm=in_order(part.algorithm, order))]
     if part.algorithm.width > 8:
         return [replace(part, shift=0 if part.shift else part.algorithm.width - 8)]
     return []
@@ -199,11 +200,11 @@ def _other_spelling(part: Part) -> list[Part]:
 
 def _with_algorithm(part: Part, algorithm: Algorithm) -> list[Part]:
     """The part with another algorithm whose value, or one byte of it, fits its place."""
-    if algorithm == part.algorithm:
+    if part.algorithm is not None and replace(algorithm, unit_order=part.algorithm.unit_order) == part.algorithm:
         return []
     size = part.size // 2 if part.as_hex else part.size
-    if algorithm.width == 8 * size:
-        other = replace(part, algorithm=algorithm, shift=0)
+    if (algorithm.width + 7) // 8 == size:
+        other = replace(part, algorithm=in_order(algorithm, part.order), shift=0)
         return [other, *(_other_spelling(other) if size > 1 else [])]
     if size == 1 and algorithm.kind == CheckKind.SUM:
         return [replace(part, algorithm=algorithm, shift=algorithm.width - 8)]

@@ -1,0 +1,33 @@
+"""The register that works out a check: what a plan tells the engine and generated code about an algorithm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from wirebond.protocol.model import Algorithm, CheckKind
+
+_BYTE = 8  # bits
+
+
+def register_of(algorithm: Algorithm) -> tuple[Algorithm, int]:
+    """The algorithm that runs, and how far to the right its value is to be shifted.
+
+    A CRC of fewer than eight bits runs in a register of eight, at its upper end: its polynomial, times a power of x,
+    leaves the same remainder times that power.
+    """
+    spare = _BYTE - algorithm.width
+    if algorithm.kind != CheckKind.CRC or spare <= 0:
+        return algorithm, 0
+    shift = 0 if algorithm.refout else spare  # reflection brings the value to the lower end
+    return (
+        replace(
+            algorithm,
+            width=_BYTE,
+            poly=algorithm.poly << spare,
+            init=algorithm.init << spare,
+            xorout=algorithm.xorout << shift,
+            plus=algorithm.plus << shift,
+            mask=None if algorithm.mask is None else algorithm.mask << shift,
+        ),
+        shift,
+    )

@@ -1,0 +1,51 @@
+"""Frames of devices whose checks are combinations, byte for byte: their values are those that their makers publish or
+that were captured on a line."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import wirebond
+from tests.shared import ROOT
+from wirebond.protocol import loads
+
+FORMATS = ROOT / "tests" / "formats"
+PIONEER = {"argument_type": 59, "argument": 1}
+FEEDBACK = {
+    "cmd1": 0, "cmd2": 0, "speed_right": 0, "speed_left": 0, "battery": 42.33, "temperature": 37.7, "led": 10,
+}  # fmt: skip
+FRAMES: list[tuple[str, str, str, str, dict[str, Any], dict[str, int]]] = [
+    ("hoverboard", "mcu", "cd ab 00 00 00 00 00 00 00 00 89 10 79 01 0a 00 37 ba", "feedback", FEEDBACK, {}),
+    ("hoverboard", "host", "cd ab ce ff 2c 01 2f 55", "command", {"steer": -50, "speed": 300}, {}),
+    (
+        "lg_ac", "mcu", "a8 20 00 00 00 00 1b 26 00 00 00 00 5c", "state",
+        {"state": bytes.fromhex("20 00 00 00 00 1b 26 00 00 00 00")}, {},
+    ),
+    ("pioneer", "host", "fa fb 06 04 3b 01 00 05 3b", "command", PIONEER, {"id": 4}),
+    ("pioneer", "mcu", "fa fb 05 20 50 69 20 39", "report", {"data": b"Pi"}, {"id": 32}),
+    (
+        "stm32_crc", "mcu", "21 50" + " 00" * 58 + " 2b 88 3a 8b", "data", {"rest": b"\x50" + bytes(58)}, {"id": 0x21},
+    ),
+    ("sabertooth", "host", "82 00 40 42", "drive", {"speed": 64}, {"id": 0, "address": 130}),
+    ("pololu", "host", "83 01 17", "exit_safe_start", {}, {}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("file", "sender", "frame", "name", "fields", "header"), FRAMES)
+def test_frames_are_encoded_and_decoded(
+    file: str, sender: str, frame: str, name: str, fields: dict[str, Any], header: dict[str, int]
+) -> None:
+    codec, raw = wirebond.load(FORMATS / f"{file}.yaml"), bytes.fromhex(frame)
+    decoder = codec.decoder(sender)
+    [message] = decoder.feed(raw) + decoder.finish()
+    assert message.name == name
+    assert dict(message.fields) == pytest.approx(fields) if name == "feedback" else dict(message.fields) == fields
+    assert codec.encode(name, fields, header=header, sender=sender) == raw
+
+
+def test_the_words_of_the_stm32_are_those_of_its_manual() -> None:
+    text = "wirebond: 1\nprotocol: one\nframe: [payload: 4, check: {type: stm32-crc, byte_order: big}]\n"
+    codec = wirebond.Codec(loads(text + "messages: {word: {sender: mcu, fields: {word: u32le}}}\n"))
+    assert codec.encode("word", word=0x12345678).hex() == "78563412df8a8a2b"
