@@ -70,6 +70,15 @@ def test_what_bytes_mean_changes_the_hash(old: str, new: str) -> None:
         assert changed((old, new)) != changed()
 
 
+@pytest.mark.parametrize("rule", ["counts: rest", "offset: 1", "unit: 2"])
+def test_what_a_run_of_bits_counts_changes_the_hash(rule: str) -> None:
+    text = (
+        "wirebond: 1\nprotocol: rover\nframe: [magic: 0x01, {bits: u8, fields: {id: 3, length: 5}}, "
+        "payload: by_length]\nmessages: {one: {id: 1, sender: host, fields: {x: u16}}}\n"
+    )
+    assert protocol_hash(loads(text)) != protocol_hash(loads(text.replace("length: 5}", f"length: 5}}, {rule}")))
+
+
 def test_swapped_fields_change_the_hash() -> None:
     speed, mode = (
         "      speed: {type: i16, scale: 0.001}\n",

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from wirebond.codec import Codec
 from wirebond.protocol import (
     BitOrder,
     ByteOrder,
@@ -135,6 +136,29 @@ def test_what_a_file_leaves_out_has_the_documented_defaults() -> None:
         ),
         ("magic: 0x01, length: u8, id: u8, check: crc-32, payload: by_length", "", False),
         ("magic: 0x01, id: u8, payload: by_id, check: crc-32", "", False),
+        (
+            "magic: 0x01, {field: flags, type: u8}, id: u8, length: u8, payload: by_length, "
+            "{check: sum16, when: flags & 0x01}",  # other frames have none
+            "",
+            False,
+        ),
+        (
+            "magic: 0x01, id: u8, length: u8, payload: by_length, {check: sum16, when: sender == host}, "
+            "{check: crc-32, name: theirs, when: sender == mcu}",
+            "",
+            True,
+        ),
+        (
+            "magic: 0x01, id: u8, length: u8, payload: by_length, {check: sum16, when: sender == host}, "
+            "{check: {type: crc-32, over: length..payload}, name: theirs, when: sender == mcu}",
+            "",
+            False,
+        ),
+        (
+            "magic: 0x01, length: u8, id: u8, payload: by_length, check: {type: sum16, mask: 0x7FFF}",
+            "",
+            False,
+        ),
         ("magic: 0x01, length: u8, id: u8, payload: by_length, check: crc-8", "unknown: deliver", True),
         ("magic: 0x01, length: u8, id: u8, payload: by_length, check: crc-32", "unknown: reject", False),
     ],
@@ -302,3 +326,24 @@ def test_two_loads_of_one_file_are_equal_wherever_it_lies(tmp_path: Path) -> Non
     copy = tmp_path / "copy.yaml"
     copy.write_bytes((PROTOCOLS / "native.yaml").read_bytes())
     assert load(copy) == load(str(PROTOCOLS / "native.yaml"))
+
+
+def test_a_run_that_is_a_length_may_count_words() -> None:
+    """As in the frames of the UM7, whose registers have four bytes."""
+    frame = (
+        "magic: 0x73, {bits: u8, fields: {spare: 2, length: 4, flags: 2}, unit: 4}, id: u8, payload: by_length, "
+        "check: {type: sum16, byte_order: big}"
+    )
+    codec = Codec(rover(frame, fields="x: u32, y: u32"))
+    raw = codec.encode("one", x=1, y=2)
+    assert raw[1] >> 2 & 0x0F == 2
+    assert [dict(message.fields) for message in codec.decoder("host").feed(raw)] == [{"x": 1, "y": 2}]
+
+
+def test_eight_constant_bits_tell_a_frame() -> None:
+    codec = Codec(
+        rover("{bits: u8, fields: {a: {bits: 8, constant: 0xA5}}}, payload: 4", fields="x: u32", message="sender: host")
+    )
+    raw = codec.encode("one", x=0xA5A5A5)
+    assert raw.hex() == "a5a5a5a500"
+    assert [message["x"] for message in codec.decoder("host").feed(b"\x00" + raw + raw)] == [0xA5A5A5] * 2

@@ -136,6 +136,14 @@ def test_a_frame_that_cannot_be_read_is_told_at_the_part(parts: str, fragment: s
         ("[magic: 0x01, id: u8]", "4:8: the frame has no payload"),
         ("[id: u8, payload: 20]", "4:8: nothing tells this frame from other bytes"),
         (
+            "[magic: 0x73, {bits: u8, fields: {flags: 4, length: {bits: 4, unit: 4}}}, id: u8, payload: by_length]",
+            "4:60: how many bytes one count of a length stands for is said of the whole part; write `unit` beside",
+        ),
+        (
+            "[{bits: u8, fields: {a: {bits: 7, constant: 0x25}, b: 1}}, id: u8, payload: 20]",
+            "4:8: nothing tells this frame from other bytes",
+        ),
+        (
             "[magic: 0x01, id: u8, payload: 20" + ", check: xor8" * 5 + "]",
             "4:8: the frame has 5 checks; at most 4",
         ),

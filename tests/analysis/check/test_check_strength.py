@@ -109,3 +109,23 @@ def test_the_same_seed_gives_the_same_figures() -> None:
     first = measure_strength(codec, 2000, 3)
     assert measure_strength(codec, 2000, 3) == first
     assert measure_strength(codec, 2000, 4) != first
+
+
+def test_a_check_of_each_end_is_judged_by_that_ends_frames() -> None:
+    """Both ends have a check in every frame; that of the MCU begins behind the id."""
+    frame = """
+  - magic: 0xDD
+  - id: u8
+  - length: u8
+  - payload: by_length
+  - {check: {type: sum16-negated, over: id..payload}, when: sender == host}
+  - {check: {type: sum16-negated, over: length..payload}, name: reply_check, when: sender == mcu}
+  - tail: 0x77
+"""
+    messages = "{a: {id: 3, sender: host, fields: {x: u16}}, b: {id: 4, sender: mcu, fields: {x: u16}}}"
+    codec = made(frame, messages)
+    [found] = uncovered(codec.model, Places())
+    assert found.sentence == "no check covers the id of the MCU's frames"
+    assert "let `over:` include `id`" in found.remedy
+    finding = assess(codec.model, measure_strength(codec, 2000, 1), Places())[0]
+    assert "in a sum two errors of opposite sign cancel" in finding.reason

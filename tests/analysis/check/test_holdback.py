@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 from tests.analysis.check.files import made, shipped
+from tests.shared import PROTOCOLS
 
+import wirebond
 from wirebond.analysis.check.findings import Severity
 from wirebond.analysis.check.holdback import assess, directions, measure_hold_back
 from wirebond.analysis.check.places import Places
@@ -27,6 +29,19 @@ def test_a_length_that_is_believed_holds_257_bytes_back() -> None:
     assert found is not None
     assert found.bytes == 13 + 2  # payload, check and tail behind the header; read_gains has 6 bytes in all
     assert "15 bytes (1.3 ms) here" in assess(codec.model, [found], Places())[0].sentence
+
+
+def test_every_form_of_a_frame_counts() -> None:
+    """A frame of a VESC that begins with 3 has a length of two bytes. From the motor controller `max_payload` bounds
+    it, from the host the longest message."""
+    codec = wirebond.load(PROTOCOLS / "contrib" / "vesc.yaml")
+    from_mcu, from_host = (measure_hold_back(codec, end, 1) for end in (End.MCU, End.HOST))
+    assert from_mcu is not None
+    assert from_host is not None
+    assert (from_mcu.bytes, from_host.bytes) == (1026, 515)
+    assert from_mcu.seconds == pytest.approx(0.089, abs=0.0005)
+    assert "up to 1 026 bytes, 89.1 ms" in assess(codec.model, [from_host, from_mcu], Places())[0].sentence
+    assert from_host.seconds == pytest.approx(0.045, abs=0.0005)
 
 
 @pytest.mark.parametrize("name", ["native", "enterprize", "diffdrive"])

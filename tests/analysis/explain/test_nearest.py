@@ -11,6 +11,7 @@ from wirebond.analysis.checksum import checksum
 from wirebond.analysis.explain import FittingGuess, Kind, Stretch, explain
 from wirebond.analysis.explain.stuffing import Unstuffed, unstuff
 from wirebond.codec import Codec
+from wirebond.errors import UsageError
 from wirebond.protocol import Protocol, loads
 from wirebond.protocol.model import End
 
@@ -289,3 +290,11 @@ def test_a_weak_check_is_not_taken_for_proof() -> None:
 def test_the_same_bytes_have_the_same_explanation() -> None:
     data = random.Random(3).randbytes(300) + FRAME[:-1]
     assert explain(loads(FILE), data) == explain(loads(FILE), data)
+
+
+def test_a_sender_is_named_as_to_a_decoder() -> None:
+    protocol = loads(FILE)
+    found = explain(protocol, frame_of(FILE), sender="host")
+    assert found.sender == "host"
+    with pytest.raises(UsageError, match="sender is 'robot'; expected 'mcu' or 'host'"):
+        explain(protocol, b"", sender="robot")

@@ -20,6 +20,7 @@ from typing import Any
 
 from wirebond.protocol.model import (
     Algorithm,
+    BitRole,
     Bits,
     Comparison,
     Condition,
@@ -81,6 +82,9 @@ def _part(part: Part) -> dict[str, Any]:
         entry["by_sender"] = [[end.value, value.hex()] for end, value in part.by_sender]
     if part.bits:
         entry["bits"] = [[run.name, run.role.value, run.shift, run.width, _run_value(run)] for run in part.bits]
+        rule = [part.counts.value, part.length_offset, part.length_unit]
+        if any(run.role == BitRole.LENGTH for run in part.bits) and rule != ["payload", 0, 1]:
+            entry["counts"] = rule
     if any(field.per_message for field in header_of(part)):
         entry["per"] = "message"
     meanings = [meaning for field in header_of(part) if (meaning := _header_meaning(field.value))]

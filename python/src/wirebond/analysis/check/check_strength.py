@@ -8,10 +8,9 @@ reference mix, random payloads of 9, 12, 6, 26, 13 and 40 bytes, so that formats
 from __future__ import annotations
 
 import random
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from wirebond.analysis.check.damage import (
     Fault,
@@ -28,7 +27,9 @@ from wirebond.analysis.check.places import Places
 from wirebond.analysis.check.wording import count, percent
 from wirebond.analysis.samples import Pool, pool
 from wirebond.codec import Codec
-from wirebond.protocol.model import CheckKind, FrameFormat, PartKind, PayloadRule, Protocol
+from wirebond.protocol.meaning.messages import spoken
+from wirebond.protocol.model import CheckKind, End, PartKind, PayloadRule, Protocol
+from wirebond.protocol.model.forms import parts_of_forms
 
 RULE = "check-strength"
 REFERENCE_MIX = (9, 12, 6, 26, 13, 40)  # payload bytes
@@ -142,7 +143,7 @@ def assess(protocol: Protocol, strength: Strength, places: Places) -> list[Findi
             RULE,
             severity,
             sentence,
-            _reason(frame_format),
+            _reason(protocol),
             "if the format is yours to change, take `check: crc-16/ibm-sdlc`; if not, give every field a `range`, and "
             "act on no single message that could do harm",
             place.line,
@@ -151,10 +152,11 @@ def assess(protocol: Protocol, strength: Strength, places: Places) -> list[Findi
     ]
 
 
-def _reason(frame_format: FrameFormat) -> str:
+def _reason(protocol: Protocol) -> str:
+    frame_format = protocol.format
     checks = [part for part in frame_format.parts if part.kind == PartKind.CHECK]
-    unconditional = [part for part in checks if part.condition is None]
-    if checks and not unconditional:
+    has_each_a_check = all(form.checks for end in senders(protocol) for form in forms(protocol, end))
+    if checks and not has_each_a_check:
         return "the check is there only when a bit of the header says so: a wrong bit there gives a frame without it"
     if not checks:
         return "the frame has no check: only its constant bytes and sizes refuse anything"
@@ -177,32 +179,41 @@ def _reason(frame_format: FrameFormat) -> str:
     return "this check does not suit these frames: they are too long for it, or part of them is not covered"
 
 
+_EFFECTS: dict[str, str] = {
+    PartKind.ID: "one wrong bit there turns a message into another one, or into none",
+    PartKind.LENGTH: "one wrong bit there makes the receiver look for the check in a wrong place",
+    PartKind.PAYLOAD: "no wrong value in it is ever noticed",
+}
+
+
 def uncovered(protocol: Protocol, places: Places) -> list[Finding]:
-    """Parts that carry meaning and that no check covers."""
-    frame_format = protocol.format
-    checks = [part for part in frame_format.parts if part.kind == PartKind.CHECK]
-    if not checks:
-        return []
-    effects: dict[str, str] = {
-        PartKind.ID: "one wrong bit there turns a message into another one, or into none",
-        PartKind.LENGTH: "one wrong bit there makes the receiver look for the check in a wrong place",
-        PartKind.PAYLOAD: "no wrong value in it is ever noticed",
-    }
-    covered = np.zeros(len(frame_format.parts), dtype=bool)
-    for part in checks:
-        covered[part.first : part.last + 1] = True
+    """Parts that carry meaning and that no check covers, in frames that have one."""
+    ends = senders(protocol)
+    found: dict[tuple[str, str], list[End]] = {}
+    for end in ends:
+        for what in dict.fromkeys(_uncovered_from(protocol, end)):
+            found.setdefault(what, []).append(end)
     place = places.part("check")
     return [
         Finding(
             "uncovered-part",
             Severity.WARNING,
-            f"no check covers the {what}",
-            effects[what],
-            f"if the format is yours to change, let `over:` include `{part.name}`",
+            f"no check covers the {what}" + ("" if from_ends == ends else f" of the {spoken(from_ends[0])}'s frames"),
+            _EFFECTS[what],
+            f"if the format is yours to change, let `over:` include `{name}`",
             place.line,
             place.column,
         )
-        for part, is_covered in zip(frame_format.parts, covered, strict=True)
-        for what in (part.kind.value, *(run.role.value for run in part.bits))
-        if what in effects and not is_covered
+        for (what, name), from_ends in found.items()
     ]
+
+
+def _uncovered_from(protocol: Protocol, end: End) -> Iterator[tuple[str, str]]:
+    """What it is, and the name of its part, in the order of the frame."""
+    for form in parts_of_forms(protocol.format.parts, end):
+        checks = [part for part in form.parts if part.kind == PartKind.CHECK]
+        covered = {index for check in checks for index in range(check.first, check.last + 1)}
+        for index, part in enumerate(form.parts):
+            for what in (part.kind.value, *(run.role.value for run in part.bits)):
+                if checks and what in _EFFECTS and index not in covered:
+                    yield what, part.name

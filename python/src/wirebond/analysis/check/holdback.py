@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from wirebond.analysis.check.findings import Finding, Severity
 from wirebond.analysis.check.frame_facts import (
@@ -19,7 +19,8 @@ from wirebond.analysis.check.places import Places
 from wirebond.analysis.check.wording import count, direction, seconds
 from wirebond.analysis.samples import pool
 from wirebond.codec import Codec
-from wirebond.protocol.model import End, Protocol
+from wirebond.protocol.model import ByteOrder, End, Protocol, Subject
+from wirebond.protocol.plan import Form
 
 RULE = "hold-back"
 _LONG = 0.020  # seconds; a control loop at 50 Hz misses a whole turn
@@ -59,7 +60,10 @@ class HoldBack:
 
 
 def measure_hold_back(codec: Codec, sender: End, seed: int) -> HoldBack | None:
-    """Feed the worst false header and good frames behind it, byte by byte. None if this end sends nothing."""
+    """Feed the worst false header of each form, and good frames behind it, byte by byte.
+
+    None if this end sends nothing.
+    """
     model = codec.model
     own = pool(codec, sender, seed)
     if own is None:
@@ -70,30 +74,77 @@ def measure_hold_back(codec: Codec, sender: End, seed: int) -> HoldBack | None:
     if model.format.delimiter is not None or model.format.ends_by_silence:
         return HoldBack(sender, 0, None, checked, byte_seconds)  # a delimiter or a pause ends any false start
     good = min(own.frames, key=len)
-    bound = _bytes_until_delivery(codec, sender, max(own.frames, key=len)[: form.prefix], good)
-    if newer := _false_header(
-        model, sender, model.format.max_payload_from(sender)
-    ):  # of a message that a newer peer might send
-        bound = max(bound, _bytes_until_delivery(codec, sender, newer[1], good))
+    headers = {max(own.frames, key=len)[: form.prefix]}
+    headers.update(_of_known_messages(model, sender))
+    if newer := _false_headers(model, sender, model.format.max_payload_from(sender)):  # that a newer peer might send
+        headers.update(newer[1])
+    bound = max(_bytes_until_delivery(codec, sender, header, good) for header in headers)
     unbounded = None
-    if longest := _false_header(model, sender, 0xFFFF):
-        open_codec, header = longest
-        unbounded = _bytes_until_delivery(open_codec, sender, header, good)
+    if longest := _false_headers(model, sender, 0xFFFF):
+        open_codec, headers = longest
+        unbounded = max(_bytes_until_delivery(open_codec, sender, header, good) for header in headers)
     return HoldBack(sender, bound, unbounded, checked, byte_seconds)
 
 
-def _false_header(model: Protocol, sender: End, most: int) -> tuple[Codec, bytes] | None:
-    """A receiver that takes any id and size, and the bytes before the largest payload up to ``most`` that the length
-    can tell; None where there is no such receiver."""
-    form = forms(model, sender)[0]
-    possible = payload_sizes(form, most)
-    open_model = open_protocol(model, sender, max(possible)) if possible else None
+def _false_headers(model: Protocol, sender: End, most: int) -> tuple[Codec, set[bytes]] | None:
+    """A receiver that takes any id and size, and for each form the bytes before the largest payload up to ``most`` that
+    its length can tell; None where there is no such receiver."""
+    usual, *others = forms(model, sender)
+    possible = payload_sizes(usual, most)
+    longest = max([*(possible or ()), *(max(_sizes(form, most), default=0) for form in others)], default=0)
+    open_model = open_protocol(model, sender, longest) if possible else None
     if not possible or open_model is None:
         return None
     codec = Codec(open_model)
     # Not all zeros: some formats do not send those at the payload's end.
     content = {ANY_CONTENT: b"\xff" * max(possible)} if max(possible) else {}
-    return codec, codec.encode(ANY, content)[: form.prefix]
+    headers = {codec.encode(ANY, content)[: usual.prefix]}
+    headers.update(_header(form, max(sizes), 1) for form in others if (sizes := _sizes(form, most)))
+    return codec, headers
+
+
+def _of_known_messages(model: Protocol, sender: End) -> set[bytes]:
+    """For each form but the usual one, the header of the largest message that it can announce."""
+    found = set()
+    for form in forms(model, sender)[1:]:
+        largest = [
+            (max(sizes), message.id)
+            for message in model.messages
+            if message.sent_by(sender)
+            if (sizes := [n for n in _sizes(form, message.max_payload) if n >= message.min_payload])
+        ]
+        if largest:
+            found.add(_header(form, *max(largest)))
+    return found
+
+
+def _sizes(form: Form, most: int) -> list[int]:
+    """The payload sizes up to ``most`` that this form can announce, where no check of the header speaks for them."""
+    if form.header_checks or form.length is None:
+        return []
+    choices = [held.choice for held in form.choices if held.choice.subject == Subject.SIZE]
+    return [n for n in payload_sizes(form, most) or () if all(choice.holds(n) for choice in choices)]
+
+
+def _header(form: Form, payload: int, message_id: int) -> bytes:
+    """The bytes before a payload of this size, with the defaults of all other fields."""
+    header = bytearray(form.prefix)
+    numbers = [(field.number, field.default) for field in form.header]
+    if form.length is not None:
+        numbers.append((form.length, (payload - form.length_bias) // form.length_unit))
+    if form.id is not None:
+        numbers.append((form.id, message_id))
+    for number, value in numbers:
+        if number.at.from_end:
+            continue
+        place = slice(number.at.offset, number.at.offset + number.bytes)
+        order: Literal["little", "big"] = "little" if number.order == ByteOrder.LITTLE else "big"
+        before = int.from_bytes(header[place], order)
+        header[place] = (before | (value & number.mask) << number.shift).to_bytes(number.bytes, order)
+    for constant in form.constants[: form.prefix_constants]:
+        at = constant.at.offset
+        header[at] = header[at] & ~constant.mask & 0xFF | constant.value
+    return bytes(header)
 
 
 def _bytes_until_delivery(codec: Codec, sender: End, false_header: bytes, good: bytes) -> int:
@@ -113,7 +164,7 @@ def _bytes_until_delivery(codec: Codec, sender: End, false_header: bytes, good: 
 
 def assess(protocol: Protocol, found: list[HoldBack], places: Places) -> list[Finding]:
     place = places.part("length")
-    for each in found:
+    for each in sorted(found, key=lambda each: -each.seconds):
         unbounded = each.unbounded_seconds
         if each.checked:
             continue

@@ -27,23 +27,27 @@ MOST_BYTES = 4096  # or one largest frame: what is more is for `decode`
 MOST_SEARCHES = 8  # refused stretches whose nearest explanation is looked for
 
 
-def explain(protocol: Protocol, data: bytes, sender: End | None = None, peers: Sequence[Protocol] = ()) -> Explanation:
-    """Name every byte of ``data``, sent by ``sender`` (None: by either end), as if nothing followed.
+def explain(protocol: Protocol, data: bytes, sender: str | None = None, peers: Sequence[Protocol] = ()) -> Explanation:
+    """Name every byte of ``data``, as if nothing followed.
 
-    ``peers``: other protocols, of which the bytes may be frames. Some seconds at most for each of the first
-    MOST_SEARCHES refused stretches; pure, any thread.
+    Some seconds at most for each of the first MOST_SEARCHES refused stretches; pure, any thread.
 
-    :raises UsageError: more bytes than can be explained at once.
+    :param sender: whose bytes these are, ``"mcu"`` or ``"host"``; None: of either end.
+    :param peers: other protocols, of which the bytes may be frames.
+    :raises UsageError: another sender, or more bytes than can be explained at once.
     """
+    if sender not in (None, End.MCU, End.HOST):
+        raise UsageError(f"sender is {sender!r}; expected 'mcu' or 'host'")
+    end = None if sender is None else End(sender)
     most = max(MOST_BYTES, protocol.max_wire_bytes())
     if len(data) > most:
         raise UsageError(
             f"{len(data)} bytes are too many to explain at once, {most} are the most; find the frames with "
             "`wirebond decode`, and give the bytes around one place"
         )
-    found = scan(protocol, data, sender)
-    stretches = _Stretches(protocol, data, sender, tuple(peers), found).all()
-    name = None if sender is None else sender.value
+    found = scan(protocol, data, end)
+    stretches = _Stretches(protocol, data, end, tuple(peers), found).all()
+    name = None if end is None else end.value
     return Explanation(protocol.name, name, stretches, _by_name(found.discarded), _by_name(found.rejected))
 
 

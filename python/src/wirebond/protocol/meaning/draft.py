@@ -22,7 +22,7 @@ from wirebond.protocol.model import (
     PayloadRule,
     Stuffing,
 )
-from wirebond.protocol.model.forms import MAX_SIZE
+from wirebond.protocol.model.forms import MAX_SIZE, parts_of_forms
 from wirebond.protocol.payload_rules import MAX_COUNTS, payload_rules
 from wirebond.protocol.planning import forms
 from wirebond.protocol.problems import Place, Problems
@@ -119,17 +119,21 @@ class Draft:
 
     @property
     def is_strong(self) -> bool:
-        """Does a check of 16 bits or more on the wire cover id, length and payload?"""
-        telling = (PartKind.ID, PartKind.LENGTH, PartKind.PAYLOAD, PartKind.BITS)
-        said = [i for i, p in enumerate(self.parts) if p.kind in telling]
-        return any(
-            (4 if part.as_hex else 8) * part.size >= STRONG_CHECK_BITS
-            and not part.seeded
-            and part.first <= min(said)
-            and part.last >= max(said)
-            for part in self.parts
-            if part.kind == PartKind.CHECK
-        )
+        """Has every frame of either end a check of 16 bits or more that covers its id, length and payload?"""
+        return all(_is_strong(form.parts) for end in (End.HOST, End.MCU) for form in parts_of_forms(self.parts, end))
+
+
+def _is_strong(parts: tuple[Part, ...]) -> bool:
+    telling = (PartKind.ID, PartKind.LENGTH, PartKind.PAYLOAD, PartKind.BITS)
+    said = [i for i, p in enumerate(parts) if p.kind in telling]
+    return any(
+        min((4 if part.as_hex else 8) * part.size, part.algorithm.kept.bit_count()) >= STRONG_CHECK_BITS
+        and not part.seeded
+        and part.first <= min(said)
+        and part.last >= max(said)
+        for part in parts
+        if part.algorithm is not None
+    )
 
 
 def validate_sizes(

@@ -472,7 +472,7 @@ class _FrameReader:
 
     def _validate_whole(self, draft: Draft, place: Place) -> None:
         parts = draft.parts
-        if draft.envelope == Envelope() and not any(part.kind in (*_FIXED_BYTES, PartKind.CHECK) for part in parts):
+        if draft.envelope == Envelope() and not any(_tells(part) for part in parts):
             self._wrong(
                 place,
                 "nothing tells this frame from other bytes; add `- magic: 0xAA` in front or a check behind",
@@ -635,6 +635,12 @@ def _lower(syntax: PartSyntax, order: ByteOrder) -> Part:
     return Part(PartKind.CHECK, "", 0)
 
 
+def _tells(part: Part) -> bool:
+    """Does this part tell a frame from other bytes? A byte's worth of constant bits does."""
+    constant = sum(run.width for run in part.bits if run.role == BitRole.CONSTANT)
+    return part.kind in (*_FIXED_BYTES, PartKind.CHECK) or constant >= 8
+
+
 def _lower_bits(syntax: BitsPart, order: ByteOrder) -> Part:
     roles = {"id": BitRole.ID, "length": BitRole.LENGTH, "sequence": BitRole.SEQUENCE}
     runs = []
@@ -652,6 +658,7 @@ def _lower_bits(syntax: BitsPart, order: ByteOrder) -> Part:
         syntax.bits.order or order,
         counts=LengthCounts(syntax.counts),
         length_offset=syntax.offset,
+        length_unit=int(syntax.unit),
         bits=tuple(runs),
     )
 

@@ -32,13 +32,14 @@ from wirebond.protocol.text.scalars import (
     PartType,
     Register,
     ReservedBytes,
+    WordSize,
     describe,
-    one_of_numbers,
     one_word,
     whole,
     wrong,
 )
 from wirebond.protocol.text.wording import Syntax
+from wirebond.protocol.text.yaml_tree import Number
 
 MAX_PARTS = 32
 _TAG = "part:"  # begins the union tags that pydantic puts into error locations; no key of a file looks so
@@ -61,9 +62,7 @@ class Length(Syntax):
         examples=["payload"],
     )
     offset: LengthOffset = Field(0, description="Added to what it counts, in bytes.", examples=[0])
-    unit: Annotated[int, PlainValidator(one_of_numbers(1, 2, 4), json_schema_input_type=Literal[1, 2, 4])] = Field(
-        1, description="Bytes that one count stands for; with `counts: payload` only.", examples=[2]
-    )
+    unit: WordSize = Field(1, description="Bytes that one count stands for; with `counts: payload` only.", examples=[2])
 
 
 class Check(Syntax):
@@ -104,9 +103,7 @@ class Check(Syntax):
     init: Register | None = Field(None, description="Register at the start. Default: 0.", examples=["0xFFFF"])
     refin: Bool | None = Field(None, description="Bytes enter lowest bit first. Default: false.", examples=["true"])
     refout: Bool | None = Field(None, description="The result is reflected. Default: false.", examples=["true"])
-    unit: Annotated[int, PlainValidator(one_of_numbers(1, 2, 4), json_schema_input_type=Literal[1, 2, 4])] | None = (
-        Field(None, description="Bytes of the words that it runs over. Default: 1.", examples=[2])
-    )
+    unit: WordSize | None = Field(None, description="Bytes of the words that it runs over. Default: 1.", examples=[2])
     unit_order: Annotated[str | None, one_word("little", "big")] = Field(
         None, description="Byte order of the words. Default: the check's own.", examples=["big"]
     )
@@ -316,6 +313,11 @@ class BitRun(HeaderSyntax):
 
 def _run(value: object) -> object:
     """`length: 10` is short for `length: {bits: 10}`, and `turn: i5` for `turn: {type: i5}`."""
+    if isinstance(value, dict) and isinstance(value.get("unit"), Number):
+        raise wrong(
+            "how many bytes one count of a length stands for is said of the whole part; write `unit` beside `fields`: "
+            "`- {bits: u8, fields: {flags: 4, length: 4}, unit: 4}`"
+        )
     if isinstance(value, dict) and "counts" in value:
         raise wrong(
             "what a length counts is said of the whole part; write `counts` beside `fields`: "
@@ -343,6 +345,9 @@ class BitsPart(PartSyntax):
         "payload", description="What a `length` run counts.", examples=["payload"]
     )
     offset: LengthOffset = Field(0, description="Added to what a `length` run counts, in bytes.", examples=[0])
+    unit: WordSize = Field(
+        1, description="Bytes that one count of a `length` run stands for; with `counts: payload` only.", examples=[4]
+    )
 
 
 class CheckPart(PartSyntax):
