@@ -204,8 +204,8 @@ def test_emergency_stop_overtakes_a_full_queue(port: PtyPort) -> None:
         with pytest.raises(wirebond.QueueFullError):  # noqa: PT012  (which of the calls it is, nobody can know)
             for _ in range(100_000):
                 link.send("velocity", linear=1.0, angular=0)
-        already_written = link.stats.send.sent
         link.emergency_stop()
+        already_written = link.stats.send.sent  # read behind the call, before which frames still left
         decoder = proto.decoder("host")
         speeds: list[float] = []
         wait_until(
