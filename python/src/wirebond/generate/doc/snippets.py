@@ -93,7 +93,7 @@ def _python_tail(algorithm: Algorithm) -> list[str]:
 
 
 def _last_steps(algorithm: Algorithm, name: str, number: _Number, minus: str) -> list[str]:
-    """What is done to the register's value: lines that each give it anew."""
+    """The expressions that turn the register's value into the check's, one after the other."""
     steps = [f"({minus}{name}) & {number(_mask(algorithm), algorithm)}"] * algorithm.negate
     if algorithm.plus:
         steps.append(f"({name} + {number(algorithm.plus, algorithm)}) & {number(_mask(algorithm), algorithm)}")
