@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
 from collections.abc import Callable
 from dataclasses import replace
@@ -120,6 +121,10 @@ def _element(described: Field, source: random.Random) -> Any:
     return value if described.is_scaled else int(value)
 
 
+class _RefusedError(Exception):
+    """A check over words refuses a payload of this size; another one is drawn."""
+
+
 class Speaker:
     """Frames of one protocol whose checks hold: of any form and header, with any payload, of any id."""
 
@@ -134,13 +139,20 @@ class Speaker:
 
     def valid(self, source: random.Random) -> bytes:
         """What a sender would send."""
-        message = source.choice(self._codec.model.messages)
-        return self._sealed(self._codec, message, random_values(message, source), source)
+        while True:
+            message = source.choice(self._codec.model.messages)
+            with contextlib.suppress(_RefusedError):
+                return self._sealed(self._codec, message, random_values(message, source), source)
 
     def any(self, source: random.Random) -> bytes:
         """The same or, as often, a payload that its sender would not send, or an id that nobody knows."""
         if source.random() < 0.5:
             return self.valid(source)
+        while True:
+            with contextlib.suppress(_RefusedError):
+                return self._damaged(source)
+
+    def _damaged(self, source: random.Random) -> bytes:
         message = source.choice(self._codec.model.messages)
         payload = damaged(self._plain.encode(message.name, random_values(message, source))[1:], source)
         frame_format = self._codec.model.format
@@ -162,7 +174,12 @@ class Speaker:
                 )
             except MessageError:
                 continue  # this form cannot carry it, or such bits are no value of a field
-        return _engine.encode(codec.tables.protocol, table, codec.tables.indices[message.name], values, {})
+        try:
+            return _engine.encode(codec.tables.protocol, table, codec.tables.indices[message.name], values, {})
+        except MessageError as error:
+            if "which it refuses" in str(error):
+                raise _RefusedError from error
+            raise
 
     def _forms_of(self, sender: End) -> tuple[Form, ...]:
         if sender not in self._forms:

@@ -3,13 +3,16 @@ that were captured on a line."""
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import pytest
 
 import wirebond
+from tests.reference.checks import checksum
 from tests.shared import ROOT
 from wirebond.protocol import loads
+from wirebond.protocol.model import PartKind
 
 FORMATS = ROOT / "tests" / "formats"
 PIONEER = {"argument_type": 59, "argument": 1}
@@ -49,3 +52,20 @@ def test_the_words_of_the_stm32_are_those_of_its_manual() -> None:
     text = "wirebond: 1\nprotocol: one\nframe: [payload: 4, check: {type: stm32-crc, byte_order: big}]\n"
     codec = wirebond.Codec(loads(text + "messages: {word: {sender: mcu, fields: {word: u32le}}}\n"))
     assert codec.encode("word", word=0x12345678).hex() == "78563412df8a8a2b"
+
+
+@pytest.mark.parametrize("width", range(3, 8))
+@pytest.mark.parametrize("steps", ["", ", negate: true", ", plus: 5", ", negate: true, plus: 2, mask: 3, xorout: 1"])
+def test_a_crc_of_fewer_than_eight_bits_has_no_more_of_them_behind_its_last_steps(width: int, steps: str) -> None:
+    for refin, refout in product(("true", "false"), repeat=2):
+        check = f"{{type: crc, width: {width}, poly: 3, init: 1, refin: {refin}, refout: {refout}{steps}}}"
+        protocol = loads(
+            "wirebond: 1\nprotocol: narrow\nframe: [magic: 0xA5, payload: 9, check: " + check + "]\n"
+            "messages: {data: {sender: mcu, fields: {data: {type: bytes, size: 9}}}}\n"
+        )
+        part = protocol.format.part(PartKind.CHECK)
+        assert part is not None
+        assert part.algorithm is not None
+        for data in (bytes(9), b"123456789"):
+            raw = wirebond.Codec(protocol).encode("data", data=data)
+            assert raw[-1] == checksum(part.algorithm, raw[:-1]), check

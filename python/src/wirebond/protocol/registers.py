@@ -27,7 +27,7 @@ def register_of(algorithm: Algorithm) -> tuple[Algorithm, int]:
             init=algorithm.init << spare,
             xorout=algorithm.xorout << shift,
             plus=algorithm.plus << shift,
-            mask=None if algorithm.mask is None else algorithm.mask << shift,
+            mask=algorithm.kept << shift,  # a carry out of the narrow value is dropped
         ),
         shift,
     )
