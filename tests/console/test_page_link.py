@@ -169,5 +169,6 @@ def connect(page: Page, port: str) -> None:
 
 
 def disconnect(page: Page) -> None:
-    page.get_by_role("button", name="Disconnect").click()
+    with page.expect_response("**/api/disconnect"):  # it is answered when the port is closed
+        page.get_by_role("button", name="Disconnect").click()
     expect(page.locator("main")).to_contain_text("Choose a port and a protocol file")
