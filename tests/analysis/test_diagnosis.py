@@ -196,6 +196,32 @@ def test_a_check_over_another_range_is_named() -> None:
     assert "over: id..payload" in found.remedy
 
 
+BRIEF = """
+wirebond: 1
+protocol: brief
+frame: [magic: 0xAA, id: u8, payload: {size}, check: {check}]
+messages: {{m: {{id: 1, sender: mcu, every: 20 ms, fields: {{d: {{type: u8, count: {size}}}}}}}}}
+"""
+
+
+@pytest.mark.parametrize("size", [4, 10])
+def test_another_check_is_named_however_short_the_frames_are(size: int) -> None:
+    source = random.Random(f"brief {size}")
+    theirs, ours = (Codec(loads(BRIEF.format(size=size, check=check))) for check in ("xor8", "crc-8"))
+    (found,) = diagnose_dump(heard(ours, b"".join(frames_of(theirs, source, 120)), source), 115200)
+    assert (found.kind, found.remedy) == (Kind.CHECK, "Write `- check: xor8`.")
+    assert found.sentence.startswith("The peer computes its check in another way.")
+
+
+def test_frames_that_are_longer_than_the_file_says_are_named() -> None:
+    source = random.Random("longer")
+    theirs, ours = (Codec(loads(BRIEF.format(size=size, check="crc-16/modbus"))) for size in (8, 6))
+    (found,) = diagnose_dump(heard(ours, b"".join(frames_of(theirs, source, 120)), source), 115200)
+    assert found.kind == Kind.FORMAT
+    assert "the frames are 2 bytes longer than the file says" in found.sentence
+    assert found.remedy.startswith("Write `- payload: 8`")
+
+
 def test_who_plays_the_mcu_hears_the_host() -> None:
     of = codec("diffdrive")
     source = random.Random("role")

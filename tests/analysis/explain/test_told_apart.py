@@ -73,8 +73,10 @@ def test_a_size_beyond_all_messages_of_the_id_gives_no_advice_to_add_one() -> No
 def test_a_payload_that_the_frame_cannot_have_gives_no_advice_to_change_the_check() -> None:
     stretch = explained(FIXED, "  a: {id: 1, sender: host, fields: {x: {type: u32}}}\n", "A5 01 01 02 03 04 05 06")
     (guess,) = stretch.guesses
-    assert guess.what == "Everything holds, but every payload of this frame has 4 bytes, and here are 6."
-    assert guess.remedy == "Compare `payload: 4` and the fields of a with what the sender packs."
+    assert guess.what == (
+        "Everything holds if the payload has 6 bytes, not 4: the frames are 2 bytes longer than the file says."
+    )
+    assert guess.remedy == "Write `- payload: 6`, and compare the fields of a with what the sender packs."
 
 
 def test_an_id_that_no_message_has_is_still_the_rule_that_fails() -> None:

@@ -17,6 +17,7 @@ class Kind(StrEnum):
     RESETS = "resets"
     LOST_READS = "lost_reads"
     CHECK = "check"
+    FORMAT = "format"
     UNKNOWN = "unknown"  # something is wrong, and nothing above explains it
 
 

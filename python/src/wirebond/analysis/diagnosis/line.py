@@ -13,7 +13,7 @@ from collections import Counter, defaultdict
 from wirebond.analysis.diagnosis.finding import Diagnosis, Kind
 from wirebond.analysis.diagnosis.recent import recent
 from wirebond.analysis.diagnosis.settings_of_line import other_settings, parity_of_seven_bits
-from wirebond.analysis.explain import explain
+from wirebond.analysis.explain import Changes, explain
 from wirebond.codec import Codec
 from wirebond.link import Dump, DumpEntry, Link
 from wirebond.link.dump import Piece
@@ -25,10 +25,14 @@ _BAD = 0.05  # part of the bytes that is discarded, from which on a cause is loo
 _FEW_FRAMES = 0.2  # part of the bytes in frames, below which settings of the line are suspected
 _SILENT = 2.0  # seconds
 _LEAST = 3  # times that something must be seen
-_EXPLAINED = 4  # refused frames that `explain` looks at
-_EXPLAINED_BYTES = 120  # at once
+_EXPLAINED_BYTES = 512  # of refused frames that `explain` looks at
+_EXPLAINED = 4  # of them for which it tries everything
 _MOST_RUNS = 20
 _FULL_READS = (512, 64, 62)  # bytes that USB adapters hand over at once, the largest first
+_OF_PEER = {
+    Changes.CHECK: (Kind.CHECK, "computes its check"),
+    Changes.FORMAT: (Kind.FORMAT, "builds its frames"),
+}
 _TEXT = re.compile(rb"[\x20-\x7e]{8,}")
 
 
@@ -75,7 +79,9 @@ def diagnose_dump(dump: Dump, baud: int, seconds: float = math.inf) -> list[Diag
     peer = _peer(dump)
     good = sum(len(e.bytes) for e in received if e.kind == "frame")
     first = (
-        _two_writers(dump.codec, received, peer) or _lost_reads(dump, received) or _check(dump.codec, received, peer)
+        _two_writers(dump.codec, received, peer)
+        or _lost_reads(dump, received)
+        or _other_format(dump.codec, received, peer)
     )
     if first is None and good < _FEW_FRAMES * len(data):
         first = parity_of_seven_bits(data) or other_settings(dump.codec, peer, data, baud)
@@ -247,32 +253,20 @@ def _lost_reads(dump: Dump, received: list[DumpEntry]) -> Diagnosis | None:
     )
 
 
-def _check(codec: Codec, received: list[DumpEntry], peer: End) -> Diagnosis | None:
-    """The peer computes its check in another way: the same remedy fits several refused frames."""
-    causes = _causes(received)
-    if causes["check_mismatch"] + causes["header_check_mismatch"] < 0.5 * causes.total():
+def _other_format(codec: Codec, received: list[DumpEntry], peer: End) -> Diagnosis | None:
+    """The peer computes its check, or builds its frames, in another way: one change to the file fits the refused frames
+    together."""
+    refused = b"".join(_runs(received))[:_EXPLAINED_BYTES]
+    together = explain(codec.model, refused, peer, searches=_EXPLAINED).together
+    if not together or together[0].changes not in _OF_PEER or together[0].fits < max(_LEAST, 0.6 * together[0].of):
         return None
-    told: Counter[str] = Counter()
-    what: dict[str, str] = {}
-    looked = 0
-    for run in _runs(received):
-        for stretch in explain(codec.model, run[:_EXPLAINED_BYTES], peer).stretches:
-            if stretch.cause in ("check_mismatch", "header_check_mismatch"):
-                looked += 1
-                told.update({guess.remedy for guess in stretch.guesses if guess.remedy})
-                what |= {guess.remedy: guess.what for guess in stretch.guesses}
-        if looked >= _EXPLAINED:
-            break
-    if looked < _LEAST or not told:
-        return None
-    remedy, count = told.most_common(1)[0]
-    if count < max(_LEAST, 0.6 * looked):
-        return None
+    best = together[0]
+    kind, what = _OF_PEER[best.changes]
     return Diagnosis(
-        Kind.CHECK,
-        f"The peer computes its check in another way. {what[remedy].rstrip('.')}",
-        f"the same explanation fits {count} of {looked} refused frames",
-        remedy,
+        kind,
+        f"The peer {what} in another way. {best.what.rstrip('.')}",
+        f"the same explanation fits {best.fits} of {best.of} refused frames",
+        best.remedy,
     )
 
 

@@ -13,6 +13,7 @@ def explanation_dict(explanation: Explanation) -> dict[str, Any]:
         "protocol": explanation.protocol,
         "sender": explanation.sender,
         "stretches": [_stretch(stretch) for stretch in explanation.stretches],
+        "together": [vars(guess) for guess in explanation.together],
         "discarded_bytes": explanation.discarded_bytes,
         "rejected_candidates": explanation.rejected_candidates,
     }

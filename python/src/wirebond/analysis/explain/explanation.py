@@ -7,16 +7,26 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from wirebond.analysis.explain.guesses.format import MOST_LONGER
 from wirebond.analysis.explain.guesses.guess import Case, constants_as_found, look
 from wirebond.analysis.explain.layout import id_index, id_text
-from wirebond.analysis.explain.nearest import Search, join, repaired, search, search_sender, search_unstuffed
+from wirebond.analysis.explain.nearest import (
+    MOST_SEARCHES,
+    Search,
+    join,
+    repaired,
+    search_all,
+    search_sender,
+    search_unstuffed,
+)
 from wirebond.analysis.explain.parts import check_text, header_values, sent_by
 from wirebond.analysis.explain.report import Applied, Explanation, FittingGuess, Kind, Row, State, Stretch
 from wirebond.analysis.explain.rows import rows_of
-from wirebond.analysis.explain.scan import Candidate, Found, Scan, scan, start_bytes
+from wirebond.analysis.explain.scan import Candidate, Found, Scan, longest_frame, scan, start_bytes
 from wirebond.analysis.explain.shapes import forms
 from wirebond.analysis.explain.sharing import sharing, wanted_text
 from wirebond.analysis.explain.stuffing import Unstuffed, plain
+from wirebond.analysis.explain.together import Stream
 from wirebond.analysis.explain.values import faults_of, read_fields, values_of, values_text
 from wirebond.analysis.explain.verdict import Cause, Question, Rule, Verdict
 from wirebond.errors import UsageError
@@ -24,31 +34,42 @@ from wirebond.protocol.meaning.messages import spoken
 from wirebond.protocol.model import End, Part, Protocol
 
 MOST_BYTES = 4096  # or one largest frame: what is more is for `decode`
-MOST_SEARCHES = 8  # refused stretches whose nearest explanation is looked for
 
 
-def explain(protocol: Protocol, data: bytes, sender: str | None = None, peers: Sequence[Protocol] = ()) -> Explanation:
+def explain(
+    protocol: Protocol,
+    data: bytes,
+    sender: str | None = None,
+    peers: Sequence[Protocol] = (),
+    searches: int = MOST_SEARCHES,
+) -> Explanation:
     """Name every byte of ``data``, as if nothing followed.
 
-    Some seconds at most for each of the first MOST_SEARCHES refused stretches; pure, any thread.
+    Some seconds at most for each of the first ``searches`` refused stretches; pure, any thread.
 
     :param sender: whose bytes these are, ``"mcu"`` or ``"host"``; None: of either end.
     :param peers: other protocols, of which the bytes may be frames.
+    :param searches: refused stretches for which everything is tried; on the others, only what fits several of those.
     :raises UsageError: another sender, or more bytes than can be explained at once.
     """
     if sender not in (None, End.MCU, End.HOST):
         raise UsageError(f"sender is {sender!r}; expected 'mcu' or 'host'")
     end = None if sender is None else End(sender)
-    most = max(MOST_BYTES, protocol.max_wire_bytes())
+    most = most_bytes(protocol)
     if len(data) > most:
         raise UsageError(
             f"{len(data)} bytes are too many to explain at once, {most} are the most; find the frames with "
             "`wirebond decode`, and give the bytes around one place"
         )
     found = scan(protocol, data, end)
-    stretches = _Stretches(protocol, data, end, tuple(peers), found).all()
+    stretches = _Stretches(protocol, data, end, tuple(peers), found, searches).all()
     name = None if end is None else end.value
     return Explanation(protocol.name, name, stretches, _by_name(found.discarded), _by_name(found.rejected))
+
+
+def most_bytes(protocol: Protocol) -> int:
+    """That can be explained at once."""
+    return max(MOST_BYTES, protocol.max_wire_bytes())
 
 
 def _by_name(counts: Counter[Cause]) -> dict[str, int]:
@@ -66,20 +87,28 @@ class _Refused:
 
 class _Stretches:
     def __init__(
-        self, protocol: Protocol, data: bytes, sender: End | None, peers: tuple[Protocol, ...], found: Scan
+        self,
+        protocol: Protocol,
+        data: bytes,
+        sender: End | None,
+        peers: tuple[Protocol, ...],
+        found: Scan,
+        searches: int,
     ) -> None:
         self._protocol = protocol
         self._data = data
         self._sender = sender
         self._peers = peers
         self._scan = found
-        self._searches = 0
+        self._most_searches = searches
 
     def all(self) -> tuple[Stretch, ...]:
         stretches = [self._frame(found) for found in self._scan.frames]
         stretches += self._fill()
-        for refused in self._refused_runs():
-            stretches.append(self._refused(refused))
+        runs = self._refused_runs()
+        cases = [self._case(run) for run in runs]
+        for run, case, search in zip(runs, cases, self._searches(runs, cases), strict=True):
+            stretches.append(self._refused(run, case, search))
         stretches.sort(key=lambda stretch: stretch.offset)
         assert b"".join(stretch.wire for stretch in stretches) == self._data
         return tuple(stretches)
@@ -183,15 +212,38 @@ class _Stretches:
         reached_far = candidate.extent >= least or candidate.cause == Cause.INCOMPLETE
         return at >= claimed and (reached_far or (at - before.start >= least and candidate.extent > 1))
 
-    def _refused(self, run: _Refused) -> Stretch:
+    def _case(self, run: _Refused) -> Case:
+        begin, end = (run.start, None) if run.candidate is None else (run.candidate.begin, run.candidate.end)
+        if end is None:  # it says itself how long it is, and may be longer than the file says
+            longest = longest_frame(self._protocol, self._sender)
+            most = longest + self._protocol.format.overhead(longest) + MOST_LONGER
+            end = min(self._region_end(run.stop), begin + most)
+        block = self._data[begin:end]
+        return Case(self._protocol, block, self._sender, self._peers, begin)
+
+    def _searches(self, runs: Sequence[_Refused], cases: Sequence[Case]) -> list[Search]:
+        """For each run. Nothing is searched where fewer bytes are than a frame has, and nothing in them begins one."""
+        searches = [Search((), 0, True)] * len(cases)
+        asked: list[int] = []
+        for index, (run, case) in enumerate(zip(runs, cases, strict=True)):
+            if case.verdict is not None and case.verdict.is_frame:  # then a delimiter is missing
+                searches[index] = search_unstuffed(case)
+            elif run.candidate is not None or len(case.block) >= self._least:
+                asked.append(index)
+        found = search_all([cases[index] for index in asked], Stream(self._data, self._scan), self._most_searches)
+        for index, search in zip(asked, found, strict=True):
+            searches[index] = search
+        if asked and self._protocol.format.delimiter is not None and not self._scan.frames:
+            whole = search_unstuffed(replace(cases[asked[0]], block=self._data))
+            searches[asked[0]] = join(whole, searches[asked[0]])
+        return searches
+
+    def _refused(self, run: _Refused, case: Case, search: Search) -> Stretch:
         candidate = run.candidate
         wire = self._data[run.start : run.stop]
-        begin, end = (run.start, None) if candidate is None else (candidate.begin, candidate.end)
-        block = self._data[begin : self._region_end(run.stop) if end is None else end]
-        case = Case(self._protocol, block, self._sender, self._peers, begin)
         if candidate is None:
-            return self._noise(run, wire, case)
-        guesses, note = self._search(case)
+            return self._noise(run, wire, case, search)
+        begin, end = candidate.begin, candidate.end
         rows: tuple[Row, ...]
         if candidate.verdict is None or case.verdict is None:
             inside = self._data[begin : run.stop if end is None else end]
@@ -210,20 +262,17 @@ class _Stretches:
             self._refusal(candidate),
             rows,
             () if candidate.verdict is None else self._applied(candidate.verdict),
-            guesses=guesses.guesses,
-            repaired=note,
-            tried=guesses.tried,
-            searched_all=guesses.complete,
+            guesses=search.guesses,
+            repaired=repaired(case),
+            tried=search.tried,
+            searched_all=search.complete,
         )
 
-    def _noise(self, run: _Refused, wire: bytes, case: Case) -> Stretch:
+    def _noise(self, run: _Refused, wire: bytes, case: Case, search: Search) -> Stretch:
         """Bytes in which nothing begins a frame. They are laid out as one only where that explains them."""
         rows: tuple[Row, ...] = (_nameless(run.start, wire),)
-        result = Search((), 0, True)
-        if len(case.block) >= self._least:
-            result, _ = self._search(case)
-            if result.guesses and case.verdict is not None:
-                rows = self._rows(case, case.verdict, plain(wire), run.start)
+        if search.guesses and case.verdict is not None:
+            rows = self._rows(case, case.verdict, plain(wire), run.start)
         return Stretch(
             Kind.NOISE,
             run.start,
@@ -231,9 +280,9 @@ class _Stretches:
             Cause.NO_START,
             self._no_start(),
             rows,
-            guesses=result.guesses,
-            tried=result.tried,
-            searched_all=result.complete,
+            guesses=search.guesses,
+            tried=search.tried,
+            searched_all=search.complete,
         )
 
     def _region_end(self, stop: int) -> int:
@@ -246,17 +295,6 @@ class _Stretches:
     def _least(self) -> int:
         """The fewest bytes of a frame."""
         return min(sum(part.size for part in form.parts) for form in forms(self._protocol, self._sender))
-
-    def _search(self, case: Case) -> tuple[Search, str]:
-        if self._searches >= MOST_SEARCHES:
-            return Search((), 0, False), ""
-        self._searches += 1
-        if case.verdict is not None and case.verdict.is_frame:  # then a delimiter is missing
-            return search_unstuffed(case), ""
-        result = search(case)
-        if self._protocol.format.delimiter is not None and not self._scan.frames and self._searches == 1:
-            result = join(search_unstuffed(replace(case, block=self._data)), result)
-        return result, repaired(case)
 
     def _rows(self, case: Case, verdict: Verdict, content: Unstuffed, begin: int) -> tuple[Row, ...]:
         """Where the payload lies may need a second look, with the constants taken as they are."""

@@ -1,13 +1,15 @@
 """The search for the nearest explanation of refused bytes: which guesses are tried, and which are worth telling.
 
 A guess is shown with the chance that one of its kind fits bytes that have nothing to do with it. Kinds are ranked by
-prior / (prior + chance), where the prior says how often such a thing is what really happened.
+prior / (prior + chance), where the prior says how often such a thing is what really happened. A change to the file is
+judged by all the bytes together: what fits most frames comes first.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 from wirebond.analysis.explain.guesses import check, damage, format
 from wirebond.analysis.explain.guesses.guess import (
@@ -22,13 +24,17 @@ from wirebond.analysis.explain.guesses.guess import (
     test,
 )
 from wirebond.analysis.explain.layout import check_value, same_check, shown_check, spans
-from wirebond.analysis.explain.report import FittingGuess
+from wirebond.analysis.explain.report import Changes, FittingGuess
 from wirebond.analysis.explain.stuffing import stuff
+from wirebond.analysis.explain.together import ALONE, Stream, Together, chance_of
 from wirebond.analysis.explain.verdict import Outcome, Question, Verdict
 from wirebond.protocol.model import PartKind
 
+MOST_SEARCHES = 8  # refused stretches for which everything is tried
 MOST_GUESSES = 2
 LEAST_PLAUSIBLE = 0.3
+_MOST_JUDGED = 48  # guesses that are tried on all the bytes
+_CHANCE = 0.05  # what fits some frames of many must be less likely by chance
 # Bytes that one search may examine. Some 5 million take a second; a frame of 64 bytes needs a fifth of it.
 BUDGET_BYTES = 5_000_000
 _FIXED_COST_BYTES = 150  # of an examination, beside its bytes
@@ -38,40 +44,41 @@ _FIXED_COST_BYTES = 150  # of an examination, beside its bytes
 class _Family:
     prior: float
     guesses: Callable[[Case], Guesses]
-    changes_check: bool = False  # its guesses would have the file compute its check in another way
+    changes: Changes = Changes.FORMAT
 
 
-_FAMILIES = (
-    _Family(0.25, format.unknown_message),
-    _Family(0.25, format.unlisted_seed),
-    _Family(0.30, format.other_sender),
+_FAMILIES = (  # of two that fit as well, the one that stands first is told first
     _Family(0.30, format.other_protocols),
-    _Family(0.30, check.as_peers_check, changes_check=True),
-    _Family(0.20, check.near_ranges, changes_check=True),
-    _Family(0.20, check.byte_orders, changes_check=True),
-    _Family(0.20, check.seeds, changes_check=True),
+    _Family(0.25, format.unknown_message, Changes.NOTHING),
+    _Family(0.25, format.unlisted_seed, Changes.NOTHING),
+    _Family(0.30, format.other_sender, Changes.SENDER),
+    _Family(0.30, check.as_peers_check, Changes.CHECK),
+    _Family(0.20, check.near_ranges, Changes.CHECK),
+    _Family(0.20, check.byte_orders, Changes.CHECK),
+    _Family(0.20, check.seeds, Changes.CHECK),
     _Family(0.20, format.lengths),
+    _Family(0.20, format.payload_sizes),
     _Family(0.20, format.other_byte_order),
     _Family(0.15, format.other_constants),
-    _Family(0.15, check.algorithms_of_its_kind, changes_check=True),
-    _Family(0.02, check.algorithms_of_other_kinds, changes_check=True),
-    _Family(0.10, damage.terminal_driver),
-    _Family(0.10, damage.lost_constants),
-    _Family(0.05, check.all_ranges, changes_check=True),
-    _Family(0.05, damage.one_bit),
-    _Family(0.03, damage.extra_byte),
-    _Family(0.02, check.all_algorithms_and_ranges, changes_check=True),
-    _Family(0.02, damage.lost_byte),
+    _Family(0.15, check.algorithms_of_its_kind, Changes.CHECK),
+    _Family(0.02, check.algorithms_of_other_kinds, Changes.CHECK),
+    _Family(0.10, damage.terminal_driver, Changes.NOTHING),
+    _Family(0.10, damage.lost_constants, Changes.NOTHING),
+    _Family(0.05, check.all_ranges, Changes.CHECK),
+    _Family(0.05, damage.one_bit, Changes.NOTHING),
+    _Family(0.03, damage.extra_byte, Changes.NOTHING),
+    _Family(0.02, check.all_algorithms_and_ranges, Changes.CHECK),
+    _Family(0.02, damage.lost_byte, Changes.NOTHING),
 )
 # Once the constants are taken as they stand, what else may differ.
 _WITH_OTHER_CONSTANTS = (
-    _Family(0.10, check.as_peers_check, changes_check=True),
-    _Family(0.05, check.near_ranges, changes_check=True),
-    _Family(0.05, check.byte_orders, changes_check=True),
-    _Family(0.05, check.algorithms_of_its_kind, changes_check=True),
-    _Family(0.01, check.algorithms_of_other_kinds, changes_check=True),
+    _Family(0.10, check.as_peers_check, Changes.CHECK),
+    _Family(0.05, check.near_ranges, Changes.CHECK),
+    _Family(0.05, check.byte_orders, Changes.CHECK),
+    _Family(0.05, check.algorithms_of_its_kind, Changes.CHECK),
+    _Family(0.01, check.algorithms_of_other_kinds, Changes.CHECK),
     _Family(0.05, format.lengths),
-    _Family(0.02, check.all_ranges, changes_check=True),
+    _Family(0.02, check.all_ranges, Changes.CHECK),
 )
 
 
@@ -84,31 +91,42 @@ class Search:
     complete: bool
 
 
-def search(case: Case) -> Search:
-    """Try everything on one refused candidate. Some seconds at most, whatever the bytes; the same each time."""
-    hunt = _Hunt()
-    hunt.add_what_is_missing(case)
-    for family in _FAMILIES:
-        hunt.run(family, case)
-    changed = constants_as_found(case)
-    if changed is not None and changed.verdict is not None and not changed.verdict.is_frame:
-        for family in _WITH_OTHER_CONSTANTS:
-            hunt.run(family, changed)
-    return hunt.result()
+def search_all(cases: Sequence[Case], stream: Stream, most: int) -> list[Search]:
+    """Try everything on the first ``most`` refused candidates, and on the others what fits several of those. Some
+    seconds at most for each, whatever the bytes; the same each time.
+
+    :param stream: all the bytes.
+    """
+    hunts = [_Hunt(case) for case in cases[:most]]
+    for hunt in hunts:
+        hunt.run_all(_FAMILIES, _WITH_OTHER_CONSTANTS)
+    judged = _judge(hunts, stream)
+    found = [hunt.result(judged) for hunt in hunts]
+    shared = {advice for advice, together in judged.items() if together.fits > 1}
+    families = {hit.family for hunt in hunts for hit in hunt.hits if hit.advice in shared}
+    spent = 0
+    for case in cases[most:]:
+        hunt = _Hunt(case)
+        if families and spent < BUDGET_BYTES:
+            hunt.run_all(*([f for f in known if f in families] for known in (_FAMILIES, _WITH_OTHER_CONSTANTS)))
+            hunt.hits = [hit for hit in hunt.hits if hit.advice in shared]
+            spent += hunt.spent
+        found.append(Search(hunt.result(judged).guesses, 0, False))
+    return found
 
 
 def search_sender(case: Case) -> Search:
     """For a frame whose checks hold and whose message is not known: does the other end send such a one?"""
-    hunt = _Hunt()
-    hunt.run(_Family(0.30, format.other_sender), case)
+    hunt = _Hunt(case)
+    hunt.run(_Family(0.30, format.other_sender, Changes.SENDER), case)
     known = tuple(guess for guess in hunt.result().guesses if guess.reading)
     return Search(known, 1, True)
 
 
 def search_unstuffed(case: Case) -> Search:
     """The guesses about stuffing, for which the block is all that was given."""
-    hunt = _Hunt()
-    hunt.run(_Family(0.30, damage.without_delimiters), case)
+    hunt = _Hunt(case)
+    hunt.run(_Family(0.30, damage.without_delimiters, Changes.NOTHING), case)
     return hunt.result()
 
 
@@ -141,75 +159,142 @@ def repaired(case: Case) -> str:
     return f"with {' and '.join(right)} this is {name}"
 
 
-class _Hunt:
-    def __init__(self) -> None:
-        self._ranked: list[tuple[float, FittingGuess]] = []
-        self._changing_check: list[FittingGuess] = []
-        self._seen: set[str] = set()
-        self._spent = 0
-        self._tried = 0
-        self._complete = True
+@dataclass(frozen=True)
+class _Hit:
+    """A guess that fits. ``tried``: those of its family; a wrong one fits in 1 of ``values`` cases."""
 
-    def result(self) -> Search:
-        ranked = sorted(self._ranked, key=lambda entry: -entry[0])
-        told = [guess for rank, guess in ranked if rank >= LEAST_PLAUSIBLE]
-        # A check that holds as the file has it is no reason to change it.
-        surest = min((g.chance for g in told if g.chance is not None and g not in self._changing_check), default=1.0)
-        told = [g for g in told if g not in self._changing_check or g.chance is None or g.chance < surest]
-        if any(guess.reading for guess in told):  # what gives the bytes a meaning is nearer than what gives none
-            told = [guess for guess in told if guess.reading or guess.chance is None]
-        return Search(tuple(told[:MOST_GUESSES]), self._tried, self._complete)
+    family: _Family
+    guess: Guess
+    what: str
+    remedy: str
+    reading: str
+    tried: int
+    values: int
+    keeps_stream: bool  # what it changes are this candidate's bytes
+
+    @property
+    def advice(self) -> str:
+        """Equal for guesses that say the same of different frames."""
+        return self.guess.key or self.remedy or self.what
+
+
+def _judge(hunts: Sequence[_Hunt], stream: Stream) -> dict[str, Together]:
+    """Each change to the file that fits a frame, on all the bytes; those that fit most of the candidates first."""
+    hits: dict[str, _Hit] = {}
+    counts: Counter[str] = Counter()
+    for hunt in hunts:
+        own = {hit.advice: hit for hit in hunt.hits if hit.family.changes}
+        counts.update(own.keys())
+        hits = own | hits
+    judged = {}
+    for rank, (advice, count) in enumerate(counts.most_common()):
+        alone = Together(count, len(hunts))
+        hit = hits[advice]
+        if rank >= _MOST_JUDGED or hit.keeps_stream:
+            judged[advice] = alone
+            continue
+        judged[advice] = max(stream.by(hit.guess), alone, key=lambda one: (one.fits, one.of))
+    return judged
+
+
+@dataclass
+class _Hunt:
+    case: Case
+    hits: list[_Hit] = field(default_factory=list)
+    spent: int = 0
+    tried: int = 0
+    complete: bool = True
+
+    def run_all(self, families: Iterable[_Family], with_other_constants: Iterable[_Family]) -> None:
+        for family in families:
+            self.run(family, self.case)
+        changed = constants_as_found(self.case)
+        if changed is not None and changed.verdict is not None and not changed.verdict.is_frame:
+            for family in with_other_constants:
+                self.run(family, changed)
 
     def run(self, family: _Family, case: Case) -> None:
         tried = 0
-        hits: list[tuple[Guess, Verdict, bytes]] = []
+        found: list[tuple[Guess, Verdict, bytes]] = []
         for guess in family.guesses(case):
-            if self._spent >= BUDGET_BYTES:
-                self._complete = False
+            if self.spent >= BUDGET_BYTES:
+                self.complete = False
                 break
             tried += 1
             if guess is None:
-                self._spent += _FIXED_COST_BYTES // 2 + len(case.block) // 2
+                self.spent += _FIXED_COST_BYTES // 2 + len(case.block) // 2
                 continue
-            self._spent += _FIXED_COST_BYTES + len(guess.block)
-            found = test(guess)
-            if found is not None:
-                hits.append((guess, *found))
-        self._tried += tried
-        if hits:
-            self._add(family, case, tried, hits)
-
-    def _add(self, family: _Family, case: Case, tried: int, hits: list[tuple[Guess, Verdict, bytes]]) -> None:
-        guess, verdict, data = hits[0]
+            self.spent += _FIXED_COST_BYTES + len(guess.block)
+            fitting = test(guess)
+            if fitting is not None:
+                found.append((guess, *fitting))
+        self.tried += tried
         before = case.verdict if case.verdict is not None and not case.verdict.is_frame else None
-        values = evidence(verdict, before)
-        chance = 1 - (1 - 1 / values) ** tried
-        fitting = FittingGuess(
-            what=_sentence(case.preface, guess.what, verdict),
-            remedy=_sentence("", guess.remedy, verdict),
-            reading=reading(verdict, data),
-            tried=tried,
-            chance=chance,
-            others=len(hits) - 1,
-        )
-        advice = fitting.remedy or fitting.what
-        if advice not in self._seen:  # a family may contain another's guesses; the more plausible one is run before
-            self._seen.add(advice)
-            self._ranked.append((family.prior / (family.prior + chance), fitting))
-            if family.changes_check:
-                self._changing_check.append(fitting)
+        for guess, verdict, data in found:
+            what, remedy = _sentence(case.preface, guess.what, verdict), _sentence("", guess.remedy, verdict)
+            values = evidence(verdict, before)
+            keeps = guess.block != case.block or (guess.protocol is case.protocol and guess.sender == case.sender)
+            self.hits.append(_Hit(family, guess, what, remedy, reading(verdict, data), tried, values, keeps))
 
-    def add_what_is_missing(self, case: Case) -> None:
-        """Not a guess: the frame is good as far as it goes."""
-        verdict = case.verdict
-        if verdict is None or verdict.outcome != Outcome.INCOMPLETE:
-            return
-        missing = verdict.extent - len(case.data)
-        least = "" if any(rule.question == Question.LENGTH for rule in verdict.rules) else "at least "
-        what = f"The bytes end too soon: {least}{missing} more byte{'s' * (missing != 1)} must come."
-        if verdict.message is not None:
-            what = what[:-1] + f" before this is a frame of {verdict.message.name}."
-        self._ranked.append((0.5, FittingGuess(what, "", "", 1, None)))
+    def result(self, judged: Mapping[str, Together] | None = None) -> Search:
+        """``judged``: how changes to the file fit all the bytes; without, each is judged by this candidate alone."""
+        told: list[tuple[float, FittingGuess]] = []
+        missing = _what_is_missing(self.case)
+        if missing is not None:
+            told.append((0.5, missing))
+        seen: set[str] = set()
+        for family in dict.fromkeys(hit.family for hit in self.hits):
+            own = [hit for hit in self.hits if hit.family == family]
+            by_advice = {hit.advice: (judged or {}).get(hit.advice, ALONE) for hit in own if family.changes}
+            most = max((one.fits for one in by_advice.values()), default=1)
+            best = [hit for hit in own if by_advice.get(hit.advice, ALONE).fits == most]
+            hit = next((hit for hit in best if hit.reading), best[0])
+            together = by_advice.get(hit.advice, ALONE)
+            chance = chance_of(hit.values, hit.tried, together)
+            if hit.advice in seen or (together.of > 1 and chance > _CHANCE):
+                continue  # a family may contain another's guesses; the more plausible one is run before
+            seen.add(hit.advice)
+            others = len({hit.advice for hit in best}) - 1
+            guess = FittingGuess(
+                hit.what,
+                hit.remedy,
+                hit.reading,
+                hit.tried,
+                chance,
+                others,
+                together.fits,
+                together.of,
+                family.changes,
+            )
+            told.append((family.prior / (family.prior + chance), guess))
+        return Search(_worth_telling(told), self.tried, self.complete)
+
+
+def _worth_telling(found: list[tuple[float, FittingGuess]]) -> tuple[FittingGuess, ...]:
+    """``found`` in the order of the families, which decides where chance does not."""
+    ranked = sorted(found, key=lambda entry: (-entry[1].fits, -round(entry[0], 2)))
+    plausible = [guess for rank, guess in ranked if rank >= LEAST_PLAUSIBLE]
+    # A check that holds as the file has it is no reason to change it.
+    surest = min((g.chance for g in plausible if g.chance is not None and g.changes != Changes.CHECK), default=1.0)
+    told = [g for g in plausible if g.changes != Changes.CHECK or g.chance is None or g.chance < surest]
+    if told and told[0].fits > 1:  # what explains many frames is no accident of one of them
+        told = [g for g in told if g.fits > 1 or g.chance is None]
+    if any(guess.reading for guess in told):  # what gives the bytes a meaning is nearer than what gives none
+        told = [guess for guess in told if guess.reading or guess.chance is None]
+    return tuple(told[:MOST_GUESSES])
+
+
+def _what_is_missing(case: Case) -> FittingGuess | None:
+    """Not a guess: the frame is good as far as it goes."""
+    verdict = case.verdict
+    if verdict is None or verdict.outcome != Outcome.INCOMPLETE:
+        return None
+    missing = verdict.extent - len(case.data)
+    least = "" if any(rule.question == Question.LENGTH for rule in verdict.rules) else "at least "
+    what = f"The bytes end too soon: {least}{missing} more byte{'s' * (missing != 1)} must come."
+    if verdict.message is not None:
+        what = what[:-1] + f" before this is a frame of {verdict.message.name}."
+    return FittingGuess(what, "", "", 1, None)
 
 
 def _sentence(preface: str, text: Text, verdict: Verdict) -> str:

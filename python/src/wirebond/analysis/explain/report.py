@@ -42,10 +42,20 @@ class Applied:
     holds: bool
 
 
+class Changes(StrEnum):
+    """What a guess would have changed."""
+
+    NOTHING = ""  # in the file: the guess is about this frame alone
+    SENDER = "sender"  # whose bytes they are taken for
+    FORMAT = "format"
+    CHECK = "check"  # the file would compute it in another way
+
+
 @dataclass(frozen=True)
 class FittingGuess:
     """A guess that was tried and fits. ``chance``: that one of the ``tried`` guesses of its kind would
-    fit bytes that have nothing to do with it; None where nothing had to be guessed."""
+    fit bytes that have nothing to do with it; None where nothing had to be guessed. A change to the file is judged by
+    all the bytes: ``fits`` of ``of`` candidates that were refused, or would be by the change, are frames with it."""
 
     what: str
     remedy: str
@@ -53,6 +63,9 @@ class FittingGuess:
     tried: int
     chance: float | None
     others: int = 0  # further guesses of the same kind that fit as well
+    fits: int = 1
+    of: int = 1
+    changes: Changes = Changes.NOTHING
 
 
 class Kind(StrEnum):
@@ -93,6 +106,12 @@ class Explanation:
     stretches: tuple[Stretch, ...]
     discarded_bytes: dict[str, int]
     rejected_candidates: dict[str, int]
+
+    @property
+    def together(self) -> tuple[FittingGuess, ...]:
+        """The changes to the file that make frames of several candidates: what fits most comes first. Each once."""
+        found = {guess.remedy or guess.what: guess for stretch in self.stretches[::-1] for guess in stretch.guesses}
+        return tuple(sorted((g for g in found.values() if g.fits > 1), key=lambda g: -g.fits))
 
     @property
     def frames(self) -> tuple[Stretch, ...]:

@@ -155,7 +155,7 @@ def _around(case: Case, failed: _Failed, covered: bytes, selection: list[int], *
     what = f"the {failed.part.name} {shown_check(failed.part, failed.found)} fits if it covers {names}{itself}"
     remedy = "no `over:` can say that, for it names one unbroken range; the sender must cover one"
     block = stuff(case.protocol.format, repaired_data)
-    return Guess(case.protocol, block, case.sender, what, remedy)
+    return Guess(case.protocol, block, case.sender, what, remedy, key=f"{remedy}: {names}{itself}")
 
 
 def byte_orders(case: Case) -> Guesses:

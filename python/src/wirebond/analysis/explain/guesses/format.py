@@ -16,6 +16,7 @@ from wirebond.analysis.explain.guesses.guess import (
     with_part,
 )
 from wirebond.analysis.explain.layout import (
+    CONSTANTS,
     counted_beside_payload,
     hex_of,
     id_index,
@@ -47,6 +48,7 @@ _COUNTS = {
     LengthCounts.FRAME: "the whole frame",
 }
 _OFFSETS = (0, 1, -1, 2, -2, 3, -3, 4, -4)
+MOST_LONGER = 64  # bytes that a payload may have more than the file says
 _NUMBERS = (PartKind.LENGTH, PartKind.ID, PartKind.CHECK, PartKind.FIELD, PartKind.SEQUENCE, PartKind.BITS)
 
 
@@ -90,7 +92,7 @@ def unknown_message(case: Case) -> Guesses:
                 case.protocol, replace(frame_format, deliver_unknown=True, max_payload=longest, longest_sent=())
             )
         )
-    if rule.payload in (PayloadRule.BY_ID, PayloadRule.FIXED):
+    if rule.payload in (PayloadRule.BY_ID, PayloadRule.FIXED) and _size_in_question(case, rule) is None:
         size = len(case.data) - sum(part.size for part in case.parts)
         if size >= 0:
             fixed = replace(rule, payload=PayloadRule.FIXED, fixed_payload=size)
@@ -196,6 +198,70 @@ def _with_length(case: Case, index: int, part: Part) -> Guess:
         changes.append(f"counts {_COUNTS[part.counts]}{more}")
     what = f"everything holds if the {own.name} {' and '.join(changes)}"
     return Guess(protocol, case.block, case.sender, what, f"write {spelled(protocol, part.name)}")
+
+
+def payload_sizes(case: Case) -> Guesses:
+    """Another size of a payload whose size is fixed, nearest first: what a firmware sends that gained a field.
+
+    Between delimiters the size is there to be seen: see unknown_message.
+    """
+    at = payload_index(case.parts)
+    own = _size_in_question(case, case.parts[at])
+    if own is None:
+        return
+    beside = sum(part.size for part in case.parts)
+    most = min(len(case.block) - beside, own + MOST_LONGER)
+    for size in sorted(range(most + 1), key=lambda size: (abs(size - own), -size)):
+        if size != own and _ends_well(case, beside + size):
+            yield _with_payload(case, at, own, size)
+
+
+def _ends_well(case: Case, size: int) -> bool:
+    """Does a frame of this size end where the bytes do, or where another begins?"""
+    first = case.parts[0]
+    rest = case.block[size:]
+    return not rest or first.kind not in CONSTANTS or rest.startswith(first.value)
+
+
+def _size_in_question(case: Case, rule: Part) -> int | None:
+    """The payload's size, where a number of the file alone says it."""
+    if case.verdict is None or case.protocol.format.delimiter is not None or case.protocol.format.ends_by_silence:
+        return None
+    if rule.payload == PayloadRule.FIXED:
+        return rule.fixed_payload
+    message = case.verdict.message
+    if rule.payload != PayloadRule.BY_ID or message is None or message.min_payload != message.max_payload:
+        return None
+    return message.max_payload
+
+
+def with_payload_size(protocol: Protocol, parts: tuple[Part, ...], at: int, size: int) -> Protocol:
+    """The protocol with payloads of ``size`` bytes, whatever its messages say; ``parts[at]`` is the payload."""
+    rule = replace(parts[at], payload=PayloadRule.FIXED, fixed_payload=size)
+    changed = with_part(protocol, parts, at, rule)
+    longest = max(size, protocol.format.max_payload)
+    return with_format(changed, replace(changed.format, deliver_unknown=True, max_payload=longest, longest_sent=()))
+
+
+def _with_payload(case: Case, at: int, own: int, size: int) -> Guess:
+    protocol = with_payload_size(case.protocol, case.parts, at, size)
+    off = abs(size - own)
+    much = f"{off} byte{'s' * (off != 1)} {'longer' if size > own else 'shorter'}"
+    is_fixed = case.parts[at].payload == PayloadRule.FIXED
+    name = "" if is_fixed or case.verdict is None or case.verdict.message is None else case.verdict.message.name
+
+    whose = f"{name} is" if name else "the frames are"
+    what = f"everything holds if the payload has {size} bytes, not {own}: {whose} {much} than the file says"
+
+    def remedy(found: Verdict) -> str:
+        fields = (
+            "" if found.message is None else f"compare the fields of {found.message.name} with what the sender packs"
+        )
+        if is_fixed:
+            return f"write `- payload: {size}`" + (f", and {fields}" if fields else "")
+        return fields
+
+    return Guess(protocol, case.block, case.sender, what, remedy, key=f"{name}: payload {own} is {size}")
 
 
 def other_byte_order(case: Case) -> Guesses:

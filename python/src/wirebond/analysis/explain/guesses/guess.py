@@ -70,13 +70,15 @@ Text = str | Callable[[Verdict], str]
 
 @dataclass(frozen=True)
 class Guess:
-    """``what`` and ``remedy`` are sentences without a capital and a stop."""
+    """``what`` and ``remedy`` are sentences without a capital and a stop. ``key``: the same for the same guess at
+    another frame, where the remedy does not tell it."""
 
     protocol: Protocol
     block: bytes
     sender: End | None
     what: Text
     remedy: Text = ""
+    key: str = ""
 
 
 # None: a guess that was tried and could be excluded without an examination.
