@@ -14,11 +14,12 @@ from tests.contrib.cases import CONTRIB, frame_of, random_case
 from tests.contrib.oracles import ORACLES
 from tests.shared import PROTOCOLS, few_or_many, loaded
 
-from wirebond import load
+from wirebond import Codec, load
 from wirebond.analysis.identify import Candidate, Format, known_formats, rank
 from wirebond.analysis.identify.lines import Heard, Line, best_of, lines_for, search
 from wirebond.analysis.samples import pool
 from wirebond.cli.main import main
+from wirebond.protocol import loads
 from wirebond.protocol.model import End
 from wirebond.sim.pty_port import PtyPort
 
@@ -243,6 +244,70 @@ def test_where_nothing_fits_the_rate_with_most_bytes_is_shown() -> None:
     assert (best.line, best.size, best.candidates[0].fits) == (Line(9600), 500, False)
 
 
+def test_two_formats_that_share_a_line_are_told_with_their_shares(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    source = random.Random("shared")
+    ubx, nmea = (frames(name) for name in ("contrib/ubx", "contrib/nmea"))
+    mixed = tmp_path / "mixed.bin"
+    mixed.write_bytes(b"".join(source.choice(ubx) + source.choice(nmea) for _ in range(60)))
+    assert main(["identify", str(mixed)]) == 0
+    shown = capsys.readouterr().out
+    assert "share the line: each explains other bytes" in shown
+    assert "explains many of the same frames" not in shown
+
+
+def frames(name: str) -> tuple[bytes, ...]:
+    drawn = pool(loaded(PROTOCOLS / f"{name}.yaml"), End.MCU, 3, 60) or pool(
+        loaded(PROTOCOLS / f"{name}.yaml"), End.HOST, 3, 60
+    )
+    assert drawn is not None
+    return drawn.frames
+
+
+ARM = """\
+wirebond: 1
+protocol: arm
+frame: [magic: 0xAB 0x54, id: u8, payload: {size}, check: crc-16/modbus]
+messages: {{odom: {{id: 1, sender: mcu, fields: {{x: {{type: i16}}, y: {{type: i16}}, t: {{type: i16}}{more}}}}}}}
+"""
+
+
+def test_a_file_whose_frames_have_gained_a_field_is_named(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file, capture = tmp_path / "arm.yaml", tmp_path / "arm.bin"
+    file.write_text(ARM.format(size=6, more=""))
+    new = Codec(loads(ARM.format(size=8, more=", g: {type: i16}")))
+    capture.write_bytes(b"".join(new.encode("odom", x=7 * n, y=n, t=3, g=-n) for n in range(60)))
+    assert main(["identify", str(capture), "--also", str(file)]) == 1
+    shown = capsys.readouterr().out
+    assert "arm fits if its payload has 8 bytes and not 6: the frames are 2 bytes longer" in shown
+    assert main(["identify", str(capture), "--also", str(file), "--json"]) == 1
+    told = json.loads(capsys.readouterr().out)
+    assert told["other_sizes"] == [{"file": str(file), "payload": 8, "told": 6}]
+
+
+def test_of_a_format_that_nobody_knows_is_told_what_can_be_seen(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    codec = Codec(loads(ARM.format(size=8, more=", g: {type: i16}")))
+    capture = tmp_path / "arm.bin"
+    capture.write_bytes(b"".join(codec.encode("odom", x=31 * n, y=n, t=3, g=-n) for n in range(60)))
+    assert main(["identify", str(capture)]) == 1
+    shown = capsys.readouterr().out
+    assert "- magic: 0xAB 0x54" in shown
+    assert "- payload: 8" in shown
+    assert "- check: {type: crc-16/modbus, over: magic..payload, byte_order: little}" in shown
+    assert "wirebond infer CAPTURE -o FILE.yaml" in shown
+    out = tmp_path / "drafted.yaml"
+    assert main(["infer", str(capture), "-o", str(out)]) == 0
+    assert main(["check", str(out)]) == 0
+    assert main(["decode", str(out), str(capture)]) == 0
+    assert len([line for line in capsys.readouterr().out.splitlines() if line.startswith("{")]) == 60
+    assert main(["infer", str(capture), "-o", str(out)]) == 2  # it exists
+    assert main(["infer", "--hex", "00 11 22"]) == 1
+    assert "nothing repeats as frames do" in capsys.readouterr().err
+
+
 @pytest.fixture
 def pty() -> Iterator[PtyPort]:
     port = PtyPort()
@@ -287,7 +352,7 @@ def test_ctrl_c_shows_the_best_so_far(
     candidates = ranked(stream("crsf", random.Random("break")))
 
     def ended(*_: object) -> Iterator[Heard]:
-        yield Heard(Line(9600), 4000, candidates)
+        yield Heard(Line(9600), bytes(4000), candidates)
         raise KeyboardInterrupt
 
     monkeypatch.setattr("wirebond.cli.commands.identify_port.search", ended)

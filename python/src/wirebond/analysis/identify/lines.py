@@ -39,8 +39,13 @@ class Heard:
     """What one setting gave; ``candidates``: best first."""
 
     line: Line
-    size: int
+    data: bytes
     candidates: list[Candidate]
+
+    @property
+    def size(self) -> int:
+        """Bytes that came."""
+        return len(self.data)
 
     @property
     def evidence(self) -> float:
@@ -72,15 +77,15 @@ def search(lines: Sequence[Line], listen: Listen, formats: Sequence[Format]) -> 
     for line in lines:
         looked = 0
         data = b""
-        heard = Heard(line, 0, [])
+        heard = Heard(line, b"", [])
         for data in listen(line):
             if len(data) >= max(_FIRST_LOOK, 2 * looked):
                 looked = len(data)
-                heard = Heard(line, looked, rank(data, formats, len(lines)))
+                heard = Heard(line, data, rank(data, formats, len(lines)))
                 if heard.is_sure:
                     break
         if len(data) > looked:
-            heard = Heard(line, len(data), rank(data, formats, len(lines)))
+            heard = Heard(line, data, rank(data, formats, len(lines)))
         yield heard
         if heard.is_sure:
             return

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import log2
 from typing import Any
 
@@ -32,6 +32,7 @@ class Candidate:
     :ivar messages: how many frames of each message, the commonest first. What the file does not list stands under
         "other messages".
     :ivar senders: whose messages were seen.
+    :ivar places: where each frame begins and ends.
     """
 
     format: Format
@@ -44,6 +45,7 @@ class Candidate:
     chance_frames: float
     messages: dict[str, int]
     senders: tuple[End, ...]
+    places: tuple[tuple[int, int], ...] = field(default=(), repr=False)
 
     @property
     def fits(self) -> bool:
@@ -53,6 +55,13 @@ class Candidate:
     def frame_share(self) -> float:
         """The part of the stream's bytes that lie in its frames, 0 to 1."""
         return self.frame_bytes / self.size if self.size else 0.0
+
+    def shared_with(self, other: Candidate) -> float:
+        """The part of this one's bytes in frames that lie in frames of the other, too."""
+        others = bytearray(self.size)
+        for begin, end in other.places:
+            others[begin:end] = b"\1" * (end - begin)
+        return sum(others[begin:end].count(1) for begin, end in self.places) / max(1, self.frame_bytes)
 
     @property
     def repeats(self) -> bool:
@@ -132,6 +141,7 @@ def _try(format: Format, data: bytes, over: Background, charge: float) -> Candid
         len(data) * 2.0 ** -max(0.0, mean) if distinct else 0.0,
         dict(Counter(one.name for one in chosen).most_common()),
         tuple(end for end in ENDS if any(one.view.sender == end and one.name != _OTHERS for one in chosen)),
+        tuple((one.offset, one.end) for one in chosen),
     )
 
 

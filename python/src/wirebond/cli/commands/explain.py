@@ -13,10 +13,12 @@ from rich.text import Text
 from wirebond import paths
 from wirebond.analysis.explain import Applied, Explanation, FittingGuess, Kind, Row, State, Stretch, explain
 from wirebond.analysis.explain.data import explanation_dict
-from wirebond.arguments import hex_bytes
-from wirebond.cli.output import console, write
+from wirebond.analysis.explain.explanation import most_bytes
+from wirebond.analysis.explain.window import first_refused
+from wirebond.cli.given_bytes import given_bytes
+from wirebond.cli.output import console, errors, write
 from wirebond.cli.values import hex_of, to_json
-from wirebond.codec import load
+from wirebond.codec import Codec, load
 from wirebond.errors import ProtocolFileError, UsageError
 from wirebond.protocol import load as load_model
 from wirebond.protocol.model import Protocol
@@ -29,18 +31,33 @@ _PLAIN_WIDTH = 120
 _ROW_BYTES = 16  # of hex in a line
 
 
-def explain_bytes(path: Path, hex_text: str, sender: str | None, as_json: bool) -> int:
+def explain_bytes(path: Path, source: str | None, hex_text: str | None, sender: str | None, as_json: bool) -> int:
     """Exit code 1 where bytes were given and not all of them belong to frames."""
     codec = load(path)
-    data = hex_bytes(hex_text)
+    data = given_bytes(source, hex_text, sender)
     if not data:
-        raise UsageError('--hex holds no bytes; write some, as "AA 55 01"')
+        raise UsageError('there are no bytes to explain; give some, as "AA 55 01"')
+    data = _most_telling(codec, data, sender)
     explanation = explain(codec.model, data, codec.tables.sender_for(sender), _peers(path, codec.model))
     if as_json:
         write(to_json(explanation_dict(explanation)) + "\n")
     else:
-        _show([*map(_stretch, explanation.stretches), _summary(explanation, len(data))])
+        _show([*map(_stretch, explanation.stretches), _summary(explanation, len(data)), *_together(explanation)])
     return 0 if all(stretch.kind in (Kind.FRAME, Kind.FILL) for stretch in explanation.stretches) else 1
+
+
+def _most_telling(codec: Codec, data: bytes, sender: str | None) -> bytes:
+    """As many bytes as can be explained at once: those where the first are refused."""
+    most = most_bytes(codec.model)
+    if len(data) <= most:
+        return data
+    begin = first_refused(codec, data, sender, most)
+    part = data[begin : begin + most]
+    errors.print(
+        f"{len(data)} bytes are too many to explain at once: these are {len(part)} from byte {begin} on"
+        + (", the frame before the first refused ones" if begin else "")
+    )
+    return part
 
 
 def _peers(path: Path, own: Protocol) -> list[Protocol]:
@@ -160,6 +177,8 @@ def _likelihood(guess: FittingGuess) -> str:
     assert guess.chance is not None
     others = f"; {guess.others} more of them fit{'s' * (guess.others == 1)}" if guess.others else ""
     guesses = f"{guess.tried} guess{'es' * (guess.tried != 1)} of this kind tried{others}"
+    if guess.of > 1:
+        guesses += f"; it makes {guess.fits} frame{'s' * (guess.fits > 1)} of {guess.of} refused ones"
     if guess.chance < 1e-6:
         return f"{guesses}; that it fits by chance can be ruled out."
     return f"{guesses}; by chance one fits in 1 of {max(1, round(1 / guess.chance)):,} cases.".replace(",", " ")
@@ -170,3 +189,11 @@ def _summary(explanation: Explanation, size: int) -> str:
     parts = [f"{size} bytes: {len(frames)} frame{'s' * (len(frames) != 1)}"]
     parts += [f"{count} discarded as {cause}" for cause, count in explanation.discarded_bytes.items()]
     return ", ".join(parts)
+
+
+def _together(explanation: Explanation) -> list[Text]:
+    """What makes frames of several refused ones, once for all of them."""
+    return [
+        Text(f"{guess.fits} of {guess.of} refused frames together: {guess.remedy or guess.what}", "cyan")
+        for guess in explanation.together[:1]
+    ]

@@ -68,7 +68,7 @@ def identify_port(port: str, baud: int | None, seconds: float | None, also: Sequ
             "stop_bits": best_line.line.stop_bits,
             "settings_tried": [{"line": str(one.line), "bytes": one.size} for one in heard],
         }
-        show_json(best_line.candidates, best_line.size, known, settings)
+        show_json(best_line.candidates, best_line.data, known, settings)
     elif best_line.size == 0:
         errors.print(
             f"No byte came from {plain(port)} at any of {len(heard)} settings. Does the device send by itself? Some "
@@ -76,5 +76,5 @@ def identify_port(port: str, baud: int | None, seconds: float | None, also: Sequ
             "`wirebond doctor` looks at this machine."
         )
     else:
-        show(best_line.candidates, best_line.size, known, str(best_line.line))
+        show(best_line.candidates, best_line.data, known, str(best_line.line))
     return 0 if best_line.candidates and best_line.candidates[0].fits else 1

@@ -7,41 +7,72 @@ from typing import Any
 
 from wirebond.analysis.identify.formats import Known
 from wirebond.analysis.identify.ranking import Candidate
+from wirebond.analysis.identify.resized import resized
+from wirebond.analysis.infer import Inference, infer
 from wirebond.cli.output import write
 from wirebond.cli.values import to_json
 
 _MOST_SHOWN = 4
 _MOST_MESSAGES = 6
 _FEW_BYTES = 200
+_APART = 0.05  # part of the bytes of two formats that lie in frames of both
 
 
-def show(candidates: Sequence[Candidate], size: int, known: Known, line: str = "") -> None:
+def show(candidates: Sequence[Candidate], data: bytes, known: Known, line: str = "") -> None:
     """For a person. ``line``: at which settings of the port the bytes came."""
+    size = len(data)
     said = [f"{size} bytes{f' at {line}' if line else ''}, {len(known.formats)} formats tried", ""]
     fitting = [one for one in candidates if one.fits]
     for one in fitting[:_MOST_SHOWN]:
         said += [*_candidate(one), ""]
     if fitting:
         said += verdict(candidates)
+    elif near := resized(known.formats, data):
+        said += ["No known format fits as its file says.", *(one.sentence for one in near[:_MOST_SHOWN])]
     else:
-        said += nothing_fits(size, candidates)
+        seen = _looked_at(data, candidates)
+        said += nothing_fits(size, candidates) if seen is None else _seen(seen)
         said += [
             f"Too weak to say: {one.format.name}, {one.evidence:.0f} bits" for one in candidates[:3] if one.evidence > 0
         ]
     write("\n".join(said) + "\n")
 
 
-def show_json(candidates: Sequence[Candidate], size: int, known: Known, settings: dict[str, Any] | None = None) -> None:
+def _looked_at(data: bytes, candidates: Sequence[Candidate]) -> Inference | None:
+    """What can be seen in bytes that no format fits; None where they are few, or one that repeats tells too little."""
+    return None if len(data) < _FEW_BYTES or any(one.repeats for one in candidates) else infer(data)
+
+
+def _seen(seen: Inference) -> list[str]:
+    """What can be seen in the bytes of an unknown format."""
+    return [
+        "No known format fits these bytes better than chance. This can be seen in them:",
+        "",
+        *seen.frame_lines,
+        "",
+        *(f"Uncertain: {sentence}" for sentence in seen.draft.uncertain),
+        f"These frames are {seen.candidate.frame_share:.0%} of the bytes. Write a first protocol file from them: "
+        "wirebond infer CAPTURE -o FILE.yaml",
+    ]
+
+
+def show_json(
+    candidates: Sequence[Candidate], data: bytes, known: Known, settings: dict[str, Any] | None = None
+) -> None:
     """For a program."""
     fitting = [one for one in candidates if one.fits]
+    near = [] if fitting else resized(known.formats, data)
+    seen = None if fitting or near else _looked_at(data, candidates)
     told = {
-        "bytes": size,
+        "bytes": len(data),
         **(settings or {}),
         "formats_tried": len(known.formats),
         "left_out": [str(path) for path in known.unreadable],
         "format": fitting[0].format.name if fitting else None,
         "same_wire": [one.format.name for one in same_wire(candidates)],
         "candidates": [one.as_dict() for one in fitting],
+        "other_sizes": [{"file": one.file.model.path, "payload": one.size, "told": one.told} for one in near],
+        "inferred": None if seen is None else seen.text,
     }
     write(to_json(told) + "\n")
 
@@ -64,11 +95,21 @@ def verdict(candidates: Sequence[Candidate]) -> list[str]:
         said.append(
             f"{names} are the same wire: their frames look the same. They differ in the messages that they list."
         )
-    rivals = [one for one in others if one.format.wire != best.format.wire and one.evidence > best.evidence / 2]
+    beside = [one for one in others if one.shared_with(best) < _APART and best.shared_with(one) < _APART]
+    if beside:
+        mates = [best, *beside[:1]]
+        names = " and ".join(one.format.name for one in mates)
+        shares = " and ".join(f"{one.frame_share:.0%}" for one in mates)
+        said.append(f"{names} share the line: each explains other bytes, {shares} of them.")
+    rivals = [
+        one
+        for one in others
+        if one not in beside and one.format.wire != best.format.wire and one.evidence > best.evidence / 2
+    ]
     if rivals:
         names = ", ".join(one.format.name for one in rivals)
         said.append(f"{names} explains many of the same frames. Compare more bytes to be sure.")
-    if best.frame_share < 0.5:
+    if best.frame_share + sum(one.frame_share for one in beside[:1]) < 0.5:
         said.append(
             f"{1 - best.frame_share:.0%} of the bytes lie in no frame. They may be messages that the file does not "
             "list, damaged frames, or another device."

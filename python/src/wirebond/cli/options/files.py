@@ -92,7 +92,11 @@ def decode(
 @commands.command()
 def explain(
     file: ProtocolFile,
-    hex_text: Annotated[str, typer.Option("--hex", help='The bytes, as "AA 55 …".')],
+    source: Annotated[
+        str | None,
+        typer.Argument(metavar='["AA 55 …"|PATH|-]', help="The bytes; or a capture, a recording, or - for stdin."),
+    ] = None,
+    hex_text: Annotated[str | None, typer.Option("--hex", help='The bytes, as "AA 55 …".')] = None,
     sender: Annotated[str | None, typer.Option(help="Whose bytes these are: mcu or host. Without it: either.")] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -100,7 +104,7 @@ def explain(
     from wirebond.cli.commands.explain import explain_bytes
 
     raise_from_here()
-    raise typer.Exit(explain_bytes(file, hex_text, sender, as_json))
+    raise typer.Exit(explain_bytes(file, source, hex_text, sender, as_json))
 
 
 @commands.command()
@@ -132,6 +136,27 @@ def identify(
     if baud is not None or seconds is not None:
         raise UsageError("--baud and --seconds are for ports; a capture has no rate")
     raise typer.Exit(identify_bytes(source, hex_text, also or [], as_json))
+
+
+@commands.command()
+def infer(
+    source: Annotated[
+        str | None,
+        typer.Argument(metavar='["AA 55 …"|PATH|-]', help="A capture, a recording, - for stdin, or the bytes."),
+    ] = None,
+    hex_text: Annotated[str | None, typer.Option("--hex", help='The bytes themselves, as "AA 55 …".')] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="File to write to; it must not exist. Without it: stdout.")
+    ] = None,
+    sender: Annotated[
+        str | None, typer.Option(help="Whose bytes these are: mcu or host. Without it: the MCU's.")
+    ] = None,
+) -> None:
+    """Write a first protocol file for bytes of a format that nobody knows. Exit 1 if nothing repeats in them."""
+    from wirebond.cli.commands.infer import infer_file
+
+    raise_from_here()
+    raise typer.Exit(infer_file(source, hex_text, out, sender))
 
 
 @commands.command()
