@@ -176,8 +176,13 @@ def _fixed(places: Sequence[int]) -> Iterator[Fixed]:
         for following in places[index + 1 : index + 1 + _AHEAD]
         if following - place >= 3
     )
-    for size, count in distances.most_common(3):
-        if count >= max(_LEAST_FRAMES, _VOTES * len(places)):
+    often = {
+        size: count
+        for size, count in distances.most_common(_AHEAD)
+        if count >= max(_LEAST_FRAMES, _VOTES * len(places))
+    }
+    for size, count in often.items():  # two frames are as far apart as one and one
+        if not any(size % part == 0 and part < size and often[part] > 0.8 * count for part in often):
             yield Fixed(size)
 
 
