@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 import wirebond
+from tests.compilers import CXX
 from tests.waiting import moments
 from wirebond.protocol.apart import ends_look_alike
 from wirebond.protocol.loader import loads
@@ -105,6 +106,7 @@ def rover_program() -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / "lock").open("w") as lock, pytest.MonkeyPatch.context() as patch:
         fcntl.flock(lock, fcntl.LOCK_EX)
+        patch.setenv("CXX", CXX)
         patch.setenv("CXXFLAGS", QUICK_CXXFLAGS)
         return rover.build(folder)
 

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 import wirebond
+from tests.compilers import CC, CXX, SANITIZE_FOR_C
 from tests.shared import PROTOCOLS, ROOT, VECTORS
 from wirebond.generate.code import generate_c
 from wirebond.generate.code.cpp_number import integer, real, real_type
@@ -25,7 +26,6 @@ TYPES = ROOT / "tests" / "generate" / "code" / "every_type.yaml"
 STRICT = ["-Wall", "-Wextra", "-Werror", "-pedantic"]
 CPP = ["-std=c++17", "-fno-exceptions", "-fno-rtti", *STRICT]
 QUICK = ["-O0", "-DWIREBOND_INLINE=inline", "-DWIREBOND_INLINE_LAMBDA="]  # to compile; what is tested is what it does
-SANITIZE = ["-g1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 M4 = ["-mthumb", "-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"]
 M0 = ["-mthumb", "-mcpu=cortex-m0"]
 C_COMPILERS = {
@@ -260,13 +260,15 @@ def program(codec: wirebond.Codec) -> str:
     ],
     ids=lambda path: path.stem,
 )
-@pytest.mark.parametrize("sanitize", [pytest.param([], id="plain"), pytest.param(SANITIZE, id="sanitized", marks=LONG)])
+@pytest.mark.parametrize(
+    "sanitize", [pytest.param([], id="plain"), pytest.param(SANITIZE_FOR_C, id="sanitized", marks=LONG)]
+)
 def test_every_vector_goes_through_c(path: Path, sanitize: list[str], generated: Path, tmp_path: Path) -> None:
     codec = wirebond.load(path)
     source, made, built = tmp_path / "main.c", tmp_path / "api.o", tmp_path / "program"
     source.write_text(program(codec), encoding="utf-8")
-    run(["g++", *CPP, *QUICK, *sanitize, f"-I{generated}", "-c", str(generated / f"{codec.name}.cpp"), "-o", str(made)])
-    run(["gcc", "-std=c99", *STRICT, *sanitize, f"-I{generated}", str(source), str(made), "-o", str(built)])
+    run([CXX, *CPP, *QUICK, *sanitize, f"-I{generated}", "-c", str(generated / f"{codec.name}.cpp"), "-o", str(made)])
+    run([CC, "-std=c99", *STRICT, *sanitize, f"-I{generated}", str(source), str(made), "-o", str(built)])
     assert run([str(built)]) == "0\n"
 
 
@@ -321,6 +323,6 @@ def test_a_request_tells_which_reply_is_meant(tmp_path: Path) -> None:
     assert replies
     (tmp_path / "main.c").write_text("\n".join([*lines, "int main(void) {", *body, "  return 0;", "}", ""]))
     made, built = tmp_path / "api.o", tmp_path / "program"
-    run(["g++", *CPP, *QUICK, f"-I{tmp_path}", "-c", str(tmp_path / f"{codec.name}.cpp"), "-o", str(made)])
-    run(["gcc", "-std=c99", *STRICT, str(tmp_path / "main.c"), str(made), "-o", str(built)])
+    run([CXX, *CPP, *QUICK, f"-I{tmp_path}", "-c", str(tmp_path / f"{codec.name}.cpp"), "-o", str(made)])
+    run([CC, "-std=c99", *STRICT, str(tmp_path / "main.c"), str(made), "-o", str(built)])
     run([str(built)])

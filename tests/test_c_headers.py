@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 import wirebond
+from tests.compilers import CC, CXX, SANITIZE_FOR_C
 from tests.shared import PROTOCOLS, ROOT
-from tests.test_c_api import C_COMPILERS, CPP, CPP_COMPILERS, LONG, QUICK, SANITIZE, STRICT, run
+from tests.test_c_api import C_COMPILERS, CPP, CPP_COMPILERS, LONG, QUICK, STRICT, run
 from wirebond.generate.code import generate_c
 from wirebond.protocol.loader import loads
 
@@ -31,9 +32,9 @@ def test_a_program_in_c_sends_and_receives_header_values(generated: Path, tmp_pa
     for name in ("headers", "headers_link"):
         objects.append(str(tmp_path / f"{name}.o"))
         source = str(generated / f"{name}.cpp")
-        run(["g++", *CPP, *QUICK, *SANITIZE, f"-I{generated}", "-c", source, "-o", objects[-1]])
+        run([CXX, *CPP, *QUICK, *SANITIZE_FOR_C, f"-I{generated}", "-c", source, "-o", objects[-1]])
     built = tmp_path / "program"
-    run(["gcc", "-std=c99", *STRICT, *SANITIZE, f"-I{generated}", str(PROGRAM), *objects, "-o", str(built)])
+    run([CC, "-std=c99", *STRICT, *SANITIZE_FOR_C, f"-I{generated}", str(PROGRAM), *objects, "-o", str(built)])
     assert run([str(built)]) == "0\n"
 
 
@@ -42,9 +43,21 @@ def test_a_link_in_c_answers_in_the_version_that_it_was_asked_in(tmp_path: Path)
     objects = []
     for name in ("msp", "msp_link"):
         objects.append(str(tmp_path / f"{name}.o"))
-        run(["g++", *CPP, *QUICK, *SANITIZE, f"-I{tmp_path}", "-c", str(tmp_path / f"{name}.cpp"), "-o", objects[-1]])
+        run(
+            [
+                CXX,
+                *CPP,
+                *QUICK,
+                *SANITIZE_FOR_C,
+                f"-I{tmp_path}",
+                "-c",
+                str(tmp_path / f"{name}.cpp"),
+                "-o",
+                objects[-1],
+            ]
+        )
     built = tmp_path / "program"
-    run(["gcc", "-std=c99", *STRICT, *SANITIZE, f"-I{tmp_path}", str(VERSIONS), *objects, "-o", str(built)])
+    run([CC, "-std=c99", *STRICT, *SANITIZE_FOR_C, f"-I{tmp_path}", str(VERSIONS), *objects, "-o", str(built)])
     assert run([str(built)]) == "0\n"
 
 

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 import wirebond
+from tests.compilers import CC, CXX, SANITIZE_FOR_C
 from tests.shared import PROTOCOLS, ROOT
-from tests.test_c_api import AWKWARD, C_COMPILERS, CPP, CPP_COMPILERS, LONG, QUICK, SANITIZE, STRICT, run
+from tests.test_c_api import AWKWARD, C_COMPILERS, CPP, CPP_COMPILERS, LONG, QUICK, STRICT, run
 from wirebond.generate.code import generate_c
 from wirebond.protocol.loader import loads
 
@@ -28,16 +29,18 @@ def generated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("sanitize", [pytest.param(SANITIZE, id="sanitized"), pytest.param([], id="plain", marks=LONG)])
+@pytest.mark.parametrize(
+    "sanitize", [pytest.param(SANITIZE_FOR_C, id="sanitized"), pytest.param([], id="plain", marks=LONG)]
+)
 def test_a_program_in_c_drives_links_over_a_port_in_c(sanitize: list[str], generated: Path, tmp_path: Path) -> None:
     objects = []
     for name in (name + kind for name in NAMES for kind in ("", "_link")):
         objects.append(str(tmp_path / f"{name}.o"))
-        command = ["g++", *CPP, *QUICK, *SIZES, f"-I{generated}", "-c", str(generated / f"{name}.cpp")]
+        command = [CXX, *CPP, *QUICK, *SIZES, f"-I{generated}", "-c", str(generated / f"{name}.cpp")]
         # What links do not call is sanitized in test_c_api.py.
         run([*command, *(sanitize if name.endswith("_link") else []), "-o", objects[-1]])
     built = tmp_path / "program"
-    run(["gcc", "-std=c99", *STRICT, *sanitize, f"-I{generated}", str(PROGRAM), *objects, "-o", str(built)])
+    run([CC, "-std=c99", *STRICT, *sanitize, f"-I{generated}", str(PROGRAM), *objects, "-o", str(built)])
     assert run([str(built)]) == "0\n"
 
 
@@ -48,10 +51,10 @@ def test_the_ring_that_c_has_by_default_serves_a_loop_of_20_ms(
     objects = []
     for name in ("diffdrive", "diffdrive_link"):
         objects.append(str(tmp_path / f"{name}.o"))
-        run(["g++", *CPP, *QUICK, *ring, f"-I{generated}", "-c", str(generated / f"{name}.cpp"), "-o", objects[-1]])
+        run([CXX, *CPP, *QUICK, *ring, f"-I{generated}", "-c", str(generated / f"{name}.cpp"), "-o", objects[-1]])
     built = tmp_path / "program"
     source = str(PROGRAM.with_name("c_slow_loop_test.c"))
-    run(["gcc", "-std=c99", *STRICT, *ring, f"-I{generated}", source, *objects, "-o", str(built)])
+    run([CC, "-std=c99", *STRICT, *ring, f"-I{generated}", source, *objects, "-o", str(built)])
     assert run([str(built)]) == "0\n"
 
 
@@ -187,8 +190,8 @@ def test_a_link_in_c_sends_its_counters_with_and_without_a_handler(tmp_path: Pat
     objects = []
     for name in ("counted", "counted_link"):
         objects.append(str(tmp_path / f"{name}.o"))
-        run(["g++", *CPP, *QUICK, f"-I{tmp_path}", "-c", str(tmp_path / f"{name}.cpp"), "-o", objects[-1]])
+        run([CXX, *CPP, *QUICK, f"-I{tmp_path}", "-c", str(tmp_path / f"{name}.cpp"), "-o", objects[-1]])
     program, built = PROGRAM.with_name("c_counters_test.c"), str(tmp_path / "program")
-    run(["gcc", "-std=c99", *STRICT, f"-I{tmp_path}", str(program), *objects, "-o", built])
+    run([CC, "-std=c99", *STRICT, f"-I{tmp_path}", str(program), *objects, "-o", built])
     # Every 100 ms; the noise came at 50 ms. From 250 ms on a handler has a field of its own, and at 400 ms it says no.
     assert run([built]).split("\n") == ["0 0 0", "3 1 0", "3 2 0", "3 3 7", ""]

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import wirebond
+from tests.compilers import CXX
 from wirebond.analysis.explain import explain
 from wirebond.codec import Codec
 from wirebond.errors import MessageError
@@ -198,7 +199,7 @@ def test_generated_cpp_reads_and_writes_the_same(tmp_path: Path) -> None:
     generate_cpp(CODEC.model, tmp_path)
     (tmp_path / "main.cpp").write_text(PROGRAM)
     flags = ["-std=c++17", "-O0", "-Wall", "-Wextra", "-Werror", "-fsanitize=address,undefined"]
-    subprocess.run(["g++", *flags, "-I", tmp_path, tmp_path / "main.cpp", "-o", tmp_path / "main"], check=True)
+    subprocess.run([CXX, *flags, "-I", tmp_path, tmp_path / "main.cpp", "-o", tmp_path / "main"], check=True)
     payloads = random_payloads()
     lines = "".join(payload.hex() + "\n" for payload in payloads)
     answers = subprocess.run([tmp_path / "main"], input=lines, capture_output=True, text=True, check=True)

@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import wirebond
+from tests.compilers import CXX, SANITIZE
 from tests.shared import ROOT
 from tests.streams import damaged, random_values
 from wirebond import MessageError
@@ -361,8 +362,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
         encoding="utf-8",
     )
     made = folder / "fields"
-    sanitize = ["-O0", "-g1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-    command = ["g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", *sanitize, f"-I{folder}"]
+    command = [CXX, "-std=c++17", "-O0", "-Wall", "-Wextra", "-Werror", *SANITIZE, f"-I{folder}"]
     command += [str(folder / "main.cpp"), "-o", str(made)]
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr

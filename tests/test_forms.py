@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests import reference
+from tests.compilers import CC, CXX
 from tests.conformance.build import build_decoder, decode
 from tests.shared import PROTOCOLS
 from wirebond import Codec, MessageError, UsageError, load
@@ -99,7 +100,7 @@ def printed_by_cpp(model: Protocol, calls: list[str], folder: Path) -> list[str]
         '  for (std::size_t i = 0; i < size; ++i) std::printf("%02x", out[i]);\n  std::puts("");\n}\n'
         "int main() {\n" + blocks + "\n}\n"
     )
-    run(["g++", "-std=c++17", *QUICK, f"-I{folder}", str(folder / "main.cpp"), "-o", str(folder / "main")])
+    run([CXX, "-std=c++17", *QUICK, f"-I{folder}", str(folder / "main.cpp"), "-o", str(folder / "main")])
     return run([str(folder / "main")]).splitlines()
 
 
@@ -202,8 +203,8 @@ def test_generated_c_has_a_function_for_each_end(tmp_path: Path) -> None:
         '  for (size_t i = 0; i < size; ++i) printf("%02x", out[i]);\n  puts("");\n  return 0;\n}\n'
     )
     source, main, program = (str(tmp_path / name) for name in ("both.cpp", "main.o", "main"))
-    run(["gcc", "-std=c99", *QUICK, "-c", str(tmp_path / "main.c"), "-o", main])
-    run(["g++", "-std=c++17", *QUICK, f"-I{tmp_path}", source, main, "-o", program])
+    run([CC, "-std=c99", *QUICK, "-c", str(tmp_path / "main.c"), "-o", main])
+    run([CXX, "-std=c++17", *QUICK, f"-I{tmp_path}", source, main, "-o", program])
     codec = Codec(BOTH)
     assert run([program]).split() == [codec.encode("tell", data=0x1234, sender=s).hex() for s in ("host", "mcu")]
 

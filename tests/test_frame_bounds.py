@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests import reference
+from tests.compilers import CC, CXX
 from tests.shared import account_closes
 from wirebond import Codec
 from wirebond.analysis.explain import explain
@@ -70,13 +71,11 @@ def test_generated_c_reserves_for_what_it_receives(tmp_path: Path) -> None:
     generate_c(CODEC.model, tmp_path)
     (tmp_path / "main.c").write_text(PROGRAM)
     built = tmp_path / "main"
-    subprocess.run(
-        ["gcc", "-std=c99", "-Wall", "-Werror", f"-I{tmp_path}", tmp_path / "main.c", "-o", built], check=True
-    )
+    subprocess.run([CC, "-std=c99", "-Wall", "-Werror", f"-I{tmp_path}", tmp_path / "main.c", "-o", built], check=True)
     at_mcu, at_host = map(int, subprocess.run([built], capture_output=True, text=True, check=True).stdout.split())
     assert abs(at_host - at_mcu - 2 * (LONG - SHORT)) < 8  # aligned
     subprocess.run(
-        ["g++", "-std=c++17", "-O0", f"-I{tmp_path}", "-c", tmp_path / "uneven.cpp", "-o", tmp_path / "x.o"], check=True
+        [CXX, "-std=c++17", "-O0", f"-I{tmp_path}", "-c", tmp_path / "uneven.cpp", "-o", tmp_path / "x.o"], check=True
     )  # it asserts that the object fits
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 import wirebond
+from tests.compilers import CC, CXX
 from wirebond.cli.main import main
 from wirebond.codec import Codec
 from wirebond.errors import UsageError
@@ -257,14 +258,14 @@ def test_cpp_and_c_compile_with_them(tmp_path: Path) -> None:
     strict = ["-Wall", "-Wextra", "-Werror", "-O0", "-DWIREBOND_INLINE=inline", "-DWIREBOND_INLINE_LAMBDA="]
     generate_cpp(model, tmp_path)
     (tmp_path / "main.cpp").write_text(MAIN)
-    run(["g++", "-std=c++17", *strict, "-I", tmp_path, tmp_path / "main.cpp", "-o", tmp_path / "main"])
+    run([CXX, "-std=c++17", *strict, "-I", tmp_path, tmp_path / "main.cpp", "-o", tmp_path / "main"])
     assert run([tmp_path / "main"]).splitlines() == ["3 2 3 5", "NAV_PVT"]
     generate_c(model, tmp_path)
     (tmp_path / "main.c").write_text(C_MAIN)
     for name in ("manual.cpp", "manual_link.cpp"):
         run(
             [
-                "g++",
+                CXX,
                 "-std=c++17",
                 "-fno-exceptions",
                 "-fno-rtti",
@@ -277,7 +278,7 @@ def test_cpp_and_c_compile_with_them(tmp_path: Path) -> None:
                 tmp_path / f"{name}.o",
             ]
         )
-    run(["gcc", "-std=c99", "-pedantic", *strict, "-I", tmp_path, tmp_path / "main.c", tmp_path / "manual.cpp.o",
+    run([CC, "-std=c99", "-pedantic", *strict, "-I", tmp_path, tmp_path / "main.c", tmp_path / "manual.cpp.o",
          "-o", tmp_path / "main_c"])  # fmt: skip
     run([tmp_path / "main_c"])
 
@@ -332,7 +333,7 @@ def test_messages_may_be_called_as_what_generated_code_has(tmp_path: Path) -> No
     for name in ("main.cpp", "taken.cpp", "taken_link.cpp"):
         run(
             [
-                "g++",
+                CXX,
                 "-std=c++17",
                 "-O0",
                 "-Wall",

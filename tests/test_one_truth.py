@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.compilers import CXX
 from tests.conformance.build import run
 from tests.shared import ROOT, codec
 from wirebond import Codec, _engine
@@ -34,7 +35,7 @@ def constants(tmp_path_factory: pytest.TempPathFactory) -> list[list[int]]:
     """What the C++ headers say, a line each."""
     folder = tmp_path_factory.mktemp("constants")
     (folder / "main.cpp").write_text(PROGRAM, encoding="utf-8")
-    run(["g++", "-std=c++17", f"-I{CORE}", str(folder / "main.cpp"), "-o", str(folder / "main")])
+    run([CXX, "-std=c++17", f"-I{CORE}", str(folder / "main.cpp"), "-o", str(folder / "main")])
     return [[int(word) for word in line.split()] for line in run([str(folder / "main")]).splitlines()]
 
 
@@ -70,7 +71,7 @@ int main() { std::printf("%u\\n", static_cast<unsigned>(wirebond::stale_after_us
 @pytest.mark.live
 def test_both_ends_and_every_text_have_one_stale_time(tmp_path: Path) -> None:
     (tmp_path / "main.cpp").write_text(STALE, encoding="utf-8")
-    run(["g++", "-std=c++17", f"-I{CORE}", str(tmp_path / "main.cpp"), "-o", str(tmp_path / "main")])
+    run([CXX, "-std=c++17", f"-I{CORE}", str(tmp_path / "main.cpp"), "-o", str(tmp_path / "main")])
     assert int(run([str(tmp_path / "main")])) == 1_000_000, "change the texts of STALE_TEXTS too"
     texts = {name: " ".join((ROOT / name).read_text(encoding="utf-8").split()) for name in STALE_TEXTS}
     assert [name for name, text in texts.items() if STALE_TEXTS[name] not in text] == []
@@ -125,7 +126,7 @@ def form_in_cpp(form: plan.Form) -> str:
 def test_both_ends_agree_on_what_a_length_can_tell(tmp_path: Path) -> None:
     forms = [form_with(length) for length in LENGTHS]
     (tmp_path / "main.cpp").write_text(CARRIES.format(forms=", ".join(map(form_in_cpp, forms)), sizes=SIZES))
-    run(["g++", "-std=c++17", f"-I{CORE}", str(tmp_path / "main.cpp"), "-o", str(tmp_path / "main")])
+    run([CXX, "-std=c++17", f"-I{CORE}", str(tmp_path / "main.cpp"), "-o", str(tmp_path / "main")])
     printed = [[int(word) for word in line.split()] for line in run([str(tmp_path / "main")]).splitlines()]
     assert printed == [[form.most_payload, *(form.carries(size) for size in range(SIZES))] for form in forms]
 

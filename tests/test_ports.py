@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.compilers import CMAKE
 from tests.shared import ROOT
 
 pytestmark = pytest.mark.live
@@ -23,6 +24,7 @@ PORTS = ["fake", "bare_metal", "freertos", "gd32_spl", "posix", "stm32_hal", "st
 def build(request: pytest.FixtureRequest) -> Path:
     folder = ROOT / "build" / f"ports{request.param}"
     options = [f"-DWIREBOND_OPTIMISE={request.param}", f"-DSTM32_HAL_PATH={HAL if HAL.is_dir() else ''}"]
+    options += CMAKE if request.param == "-O0" else []
     _run(["cmake", "-S", str(ROOT / "ports"), "-B", str(folder), "-G", "Ninja", *options])
     return folder
 

@@ -12,11 +12,12 @@ import pytest
 
 import wirebond
 from tests.command import run as command
+from tests.compilers import CC, CXX, SANITIZE
 from tests.patient_servers import ages, real_ages  # noqa: F401 - fixtures of this module
 from tests.server.conftest import Served
 from tests.server.test_clients import json_client
 from tests.shared import ROOT
-from tests.test_c_api import CPP, QUICK, SANITIZE, STRICT, run
+from tests.test_c_api import CPP, QUICK, STRICT, run
 from tests.waiting import wait_until
 from wirebond.cli.main import main
 from wirebond.console.protocol_form import protocol_form
@@ -384,7 +385,7 @@ int main(void) {
 """
 
 
-def cpp_program(stops: dict[str, str], folder: Path, compiler: str = "g++") -> Path:
+def cpp_program(stops: dict[str, str], folder: Path, compiler: str = CXX) -> Path:
     """:param stops: the function for each message of the stop, by the message's class."""
     source, program = folder / "main.cpp", folder / "program"
     handlers = "\n  ".join(f"void on(const legs::{name}& message) {{ count(message); }}" for name in stops)
@@ -415,8 +416,8 @@ def test_an_mcu_in_c_makes_it_and_recognises_it(tmp_path: Path) -> None:
     generate_c(LEGS.model, tmp_path)
     source, program, api = tmp_path / "main.c", tmp_path / "program", tmp_path / "api.o"
     source.write_text(C_PROGRAM)
-    run(["g++", *CPP, *QUICK, f"-I{tmp_path}", "-c", str(tmp_path / "legs.cpp"), "-o", str(api)])
-    run(["gcc", "-std=c99", *STRICT, f"-I{tmp_path}", str(source), str(api), "-o", str(program)])
+    run([CXX, *CPP, *QUICK, f"-I{tmp_path}", "-c", str(tmp_path / "legs.cpp"), "-o", str(api)])
+    run([CC, "-std=c99", *STRICT, f"-I{tmp_path}", str(source), str(api), "-o", str(program)])
     assert answers(program, *ARE_STOPS, *ARE_NONE) == EXPECTED
 
 

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from tests import compilers
 from wirebond.generate.code import generate_cpp
 from wirebond.generate.code.names import namespace
 from wirebond.paths import core_include
@@ -25,7 +26,7 @@ SHARED = Path(__file__).with_name("print.hpp")
 HOST_HEADERS = sorted((core_include() / "wirebond" / "host").glob("*.hpp"))  # generated folders have none
 FLAGS = ("-std=c++17", "-Wall", "-Wextra", "-Werror")
 # Without optimisation: the compiler would spend minutes on the sanitizers' checks.
-SANITIZE = ("-O0", "-g1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+SANITIZE = ("-O0", *compilers.SANITIZE)
 OPTIMISE = ("-O2",)
 QUICK = ("-O0",)  # to compile
 
@@ -59,7 +60,7 @@ def build_decoder(
         headers = generate_cpp(protocol, folder)
         rows = folder / "message_rows.hpp"
         rows.write_text(_rows(protocol, sender), encoding="utf-8")
-        command = [os.environ.get("CXX", "g++"), *flags]
+        command = [os.environ.get("CXX", compilers.CXX), *flags]
         return compiled(f"{protocol.name}_{sender.value}_{kind}", SOURCE, command, [*headers, rows], build)
 
 

@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 
 import wirebond
+from tests.compilers import CXX
 from tests.shared import PROTOCOLS, ROOT, codec
 from tests.waiting import moments, wait_until
 from wirebond.generate.code import generate_cpp
@@ -39,7 +40,7 @@ def start(tmp_path: Path) -> Callable[[str, str], Any]:
         generate_cpp(wirebond.load(PROTOCOLS / f"{protocol}.yaml").model, tmp_path)
         folders = [tmp_path, FIRMWARE, FIRMWARE / name, ROOT / "ports" / "posix" / "include"]
         source, program = FIRMWARE / name / "host" / "main.cpp", tmp_path / name
-        command = ["g++", *FLAGS, *(f"-I{folder}" for folder in folders), str(source), "-o", str(program)]
+        command = [CXX, *FLAGS, *(f"-I{folder}" for folder in folders), str(source), "-o", str(program)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
         with FirmwareProcess(program, name) as process, wirebond.open(codec(protocol), process.port) as link:

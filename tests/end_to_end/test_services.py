@@ -18,6 +18,7 @@ from pathlib import Path
 import pytest
 
 import wirebond
+from tests.compilers import CXX
 from tests.link.mcu import Mcu
 from tests.shared import PROTOCOLS, ROOT, codec
 from tests.waiting import PATIENCE, moments, wait_until
@@ -62,7 +63,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     generate_cpp(wirebond.load(AXIS).model, folder)
     axis = ROOT / "firmware" / "axis"
     folders = [folder, ROOT / "firmware", axis, ROOT / "ports" / "posix" / "include"]
-    command = ["g++", *FLAGS, *(f"-I{one}" for one in folders), str(axis / "host" / "main.cpp"), "-o"]
+    command = [CXX, *FLAGS, *(f"-I{one}" for one in folders), str(axis / "host" / "main.cpp"), "-o"]
     done = subprocess.run([*command, str(folder / "axis")], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return folder / "axis"

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 import wirebond
+from tests.compilers import CXX
 from tests.shared import PROTOCOLS, ROOT, codec
 from tests.waiting import PATIENCE, moments, wait_until
 from wirebond.generate.code import generate_cpp
@@ -56,7 +57,7 @@ def programs(tmp_path_factory: pytest.TempPathFactory) -> Programs:
     includes = [folder, FIRMWARE, FIRMWARE / "servo", ROOT / "ports" / "posix" / "include"]
     for name in ("main", "master"):
         source = FIRMWARE / "servo" / "host" / f"{name}.cpp"
-        command = ["g++", *FLAGS, *(f"-I{include}" for include in includes), str(source), "-o", str(folder / name)]
+        command = [CXX, *FLAGS, *(f"-I{include}" for include in includes), str(source), "-o", str(folder / name)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
     return Programs(folder / "main", folder / "master")

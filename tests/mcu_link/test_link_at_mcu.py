@@ -6,6 +6,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from tests.compilers import CXX, SANITIZE
 from tests.shared import PROTOCOLS, ROOT
 
 from wirebond.generate.code import generate_cpp
@@ -13,8 +14,7 @@ from wirebond.protocol.loader import load
 
 pytestmark = pytest.mark.live
 
-FLAGS = ["-std=c++17", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
-SANITIZE = ["-O0", "-g1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+FLAGS = ["-std=c++17", "-O0", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
 CALLS = ["-DWIREBOND_INLINE=inline", "-DWIREBOND_INLINE_LAMBDA="]  # else each check of the sanitizers is there often
 
 
@@ -42,7 +42,7 @@ def test_every_rule_of_the_link_holds(tmp_path: Path) -> None:
     sources = [
         str(path) for path in (*(ROOT / "tests" / "mcu_link").glob("*_test.cpp"), ROOT / "core" / "tests" / "main.cpp")
     ]
-    _run(["clang++-14", *FLAGS, *SANITIZE, *CALLS, f"-I{tmp_path}", *sources, "-o", str(program)])
+    _run([CXX, *FLAGS, *SANITIZE, *CALLS, f"-I{tmp_path}", *sources, "-o", str(program)])
     _run([str(program), "--no-version"])
 
 

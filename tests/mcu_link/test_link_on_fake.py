@@ -6,6 +6,7 @@ import os
 import subprocess
 
 import pytest
+from tests.compilers import CMAKE
 from tests.shared import PROTOCOLS, ROOT
 
 from wirebond.generate.code import generate_cpp
@@ -21,6 +22,7 @@ def build(sanitize: bool) -> str:
         generate_cpp(load(PROTOCOLS / f"{name}.yaml"), folder / "generated")
     options = [f"-DWIREBOND_GENERATED={folder / 'generated'}", f"-DWIREBOND_SANITIZE={'ON' if sanitize else 'OFF'}"]
     source = str(ROOT / "tests" / "mcu_link" / "fake")
+    options += [] if sanitize else CMAKE
     _run(["cmake", "-S", source, "-B", str(folder), "-G", "Ninja", *options])
     _run(["cmake", "--build", str(folder)])
     return str(folder / "link_tests")

@@ -7,7 +7,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from tests.mcu_link.test_link_at_mcu import CALLS, SANITIZE
+from tests.compilers import SANITIZE
+from tests.mcu_link.test_link_at_mcu import CALLS
 from tests.shared import ROOT
 
 from wirebond.generate.code import generate_cpp

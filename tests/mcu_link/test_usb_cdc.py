@@ -6,6 +6,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from tests.compilers import CXX
 from tests.shared import PROTOCOLS, ROOT
 
 from wirebond.generate.code import generate_cpp
@@ -22,6 +23,6 @@ def test_a_link_over_usb_loses_nothing_and_is_down_while_nobody_reads(tmp_path: 
     folders = [f"-I{folder}" for folder in (tmp_path, port / "include", port / "tests")]
     sources = [str(ROOT / "tests" / "mcu_link" / "usb" / "usb_test.cpp"), str(ROOT / "core" / "tests" / "main.cpp")]
     program = tmp_path / "usb_test"
-    for command in (["g++", *FLAGS, *folders, *sources, "-o", str(program)], [str(program), "--no-version"]):
+    for command in ([CXX, *FLAGS, *folders, *sources, "-o", str(program)], [str(program), "--no-version"]):
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]

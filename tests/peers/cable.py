@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import wirebond
+from tests.compilers import CXX
 from tests.contrib.cases import CONTRIB
 from tests.shared import ROOT
 from wirebond.generate.code import generate_cpp
@@ -56,7 +57,7 @@ def device(name: str, folder: Path) -> Iterator[str]:
     generate_cpp(protocol, folder)
     includes = [folder, PEERS, ROOT / "firmware", ROOT / "ports" / "posix" / "include"]
     program = folder / "device"
-    command = ["g++", *FLAGS, *(f"-I{path}" for path in includes)]
+    command = [CXX, *FLAGS, *(f"-I{path}" for path in includes)]
     command += [f'-DLINK_HEADER="{name}_link.hpp"', f"-DDEVICE_{name.partition('_')[0].upper()}=1"]
     done = subprocess.run(
         [*command, str(PEERS / "device_main.cpp"), "-o", str(program)], capture_output=True, text=True, check=False

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 
 import pytest
+from tests.compilers import CMAKE
 from tests.shared import ROOT
 
 pytestmark = pytest.mark.live
@@ -13,7 +14,7 @@ BUILD = ROOT / "build" / "sim"
 
 
 def test_unit_tests_pass() -> None:
-    _run(["cmake", "-S", str(ROOT / "sim"), "-B", str(BUILD), "-G", "Ninja"])
+    _run(["cmake", "-S", str(ROOT / "sim"), "-B", str(BUILD), "-G", "Ninja", *CMAKE])
     _run(["cmake", "--build", str(BUILD)])
     _run([str(BUILD / "sim_tests"), "--no-version"])
 

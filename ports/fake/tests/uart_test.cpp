@@ -23,8 +23,6 @@ using Bytes = std::vector<std::uint8_t>;
 
 namespace {
 
-constexpr Time byte_time = 10'000;
-
 /// Two lines of 1 Mbaud 8N1, a UART on them, and a handler that writes down what it is called for.
 struct Bench {
   Line in{1'000'000, 10};

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from tests.compilers import CXX, SANITIZE
 from tests.shared import codec
 
 from wirebond.generate.code import generate_c, generate_cpp
@@ -175,10 +176,9 @@ def test_float_fields_pull_in_no_double_arithmetic(
 
 def test_generated_code_does_what_it_says(generated: Path, strict: list[str], shell: Shell, tmp_path: Path) -> None:
     program = tmp_path / "generated_test"
-    sanitize = ["-O0", "-g1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     calls = ["-DWIREBOND_INLINE=inline", "-DWIREBOND_INLINE_LAMBDA="]  # else each of their checks is there often
     source = str(HERE / "generated_test.cpp")
-    shell(["clang++-14", *strict, *sanitize, *calls, f"-I{generated}", source, "-o", str(program)])
+    shell([CXX, *strict, "-O0", *SANITIZE, *calls, f"-I{generated}", source, "-o", str(program)])
     shell([str(program)])
 
 

@@ -63,7 +63,7 @@ inline LowLatency ask_for_low_latency(int fd) {
   serial.flags |= ASYNC_LOW_LATENCY;
   if (::ioctl(fd, TIOCSSERIAL, &serial) != 0) return LowLatency::refused;
   struct serial_struct now {};
-  const bool keeps = ::ioctl(fd, TIOCGSERIAL, &now) == 0 && (now.flags & ASYNC_LOW_LATENCY) != 0;
+  const bool keeps = ::ioctl(fd, TIOCGSERIAL, &now) == 0 && (static_cast<unsigned>(now.flags) & ASYNC_LOW_LATENCY) != 0;
   return keeps ? LowLatency::accepted : LowLatency::refused;
 }
 
