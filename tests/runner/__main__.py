@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tests.runner.kinds import timed_files
-from tests.runner.results import Result, read_results
+from tests.runner.results import Result, read_results, write_results
 
 ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT / "build" / "test-results.json"
@@ -107,6 +107,7 @@ def run(workers: int, with_long: bool, is_strict: bool) -> int:
         judge(result, repeat_alone, verdicts)
 
     every = [*results, *timed]
+    write_results(FILE, every)
     slowest = sorted(every, key=lambda result: result.seconds, reverse=True)[:SLOWEST]
     show("the slowest tests", [f"{result.seconds:6.1f} s  {result.name}" for result in slowest])
     show("passed when repeated, after a stall of the machine", verdicts.calm)
