@@ -130,3 +130,10 @@ def test_bytes_without_frames_give_no_file(data: bytes) -> None:
     assert found is None or found.candidate.frame_share > 0.9  # a run of equal blocks is a format of its own
     if data and len(set(data)) > 200 and data[:256] != data[256:512]:
         assert found is None
+
+
+@pytest.mark.parametrize("values", [b"\0\1", b"\0\1\2\3", b"AB"])
+def test_random_bytes_of_a_few_values_give_no_file(values: bytes) -> None:
+    """Any short sequence comes often in them, and every other block of a COBS stream is valid."""
+    source = random.Random(3)
+    assert infer(bytes(source.choice(values) for _ in range(16_000))) is None

@@ -34,7 +34,7 @@ def test_a_capture_is_explained(name: str, content: bytes, tmp_path: Path, capsy
     assert SHOWN in shown(capsys, str(path))
 
 
-@pytest.mark.parametrize("content", [FRAME, FRAME.hex(" ").encode() + b"\n", FRAME.hex().encode()])
+@pytest.mark.parametrize("content", [FRAME, FRAME.hex(" ").encode() + b"\n", FRAME.hex(":").encode()])
 def test_stdin_holds_bytes_or_hex_digits(
     content: bytes, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -43,7 +43,11 @@ def test_stdin_holds_bytes_or_hex_digits(
     os.close(writes)
     with os.fdopen(reads) as stdin:
         monkeypatch.setattr("sys.stdin", stdin)
-        assert SHOWN in shown(capsys, "-")
+        assert main(["explain", FILE, "-"]) == 0
+    told = capsys.readouterr()
+    assert SHOWN in told.out
+    reads_digits = f"read as the {len(FRAME)} bytes that it spells" in " ".join(told.err.split())
+    assert reads_digits == (content != FRAME)
 
 
 def test_a_recording_is_explained_by_whose_bytes_are_asked_for(

@@ -9,10 +9,11 @@ from contextlib import suppress
 from pathlib import Path
 
 from wirebond.arguments import hex_bytes
+from wirebond.cli.output import errors
 from wirebond.errors import UsageError, WirebondError
 
 MOST_BYTES = 1 << 20  # that are looked at: more makes nothing clearer
-_HEX_TEXT = re.compile(rb"(?:0[xX]|[0-9a-fA-F\s,;_-])*")
+_HEX_TEXT = re.compile(rb"(?:0[xX]|[0-9a-fA-F\s:,;_-])*")
 
 
 def given_bytes(source: str | None, hex_text: str | None, sender: str | None = None) -> bytes:
@@ -62,7 +63,8 @@ def _of_file(path: Path, sender: str | None) -> bytes:
 
 
 def _stdin() -> bytes:
-    """Raw bytes. Text that is nothing but hex digits, as another program prints them, is taken for those bytes."""
+    """Raw bytes. Text of nothing but hex digits, as another program prints them, is taken for those bytes, and a
+    sentence says so: the sender may as well have sent the digits."""
     data = bytearray()
     try:
         while len(data) < MOST_BYTES and (chunk := os.read(sys.stdin.fileno(), MOST_BYTES)):
@@ -73,5 +75,11 @@ def _stdin() -> bytes:
         ) from error
     if _HEX_TEXT.fullmatch(data):
         with suppress(UsageError):
-            return hex_bytes(data.decode("ascii"))
+            spelled = hex_bytes(data.decode("ascii"))
+            if spelled:
+                errors.print(
+                    f"Standard input is text of hex digits, read as the {len(spelled)} byte{'s' * (len(spelled) != 1)} "
+                    "that it spells. If the device sends the digits themselves, save them as a .bin file and name that."
+                )
+            return spelled
     return bytes(data[:MOST_BYTES])

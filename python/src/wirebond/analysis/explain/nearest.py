@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from wirebond.analysis.explain.guesses import check, damage, format
 from wirebond.analysis.explain.guesses.guess import (
@@ -42,44 +42,39 @@ _FIXED_COST_BYTES = 150  # of an examination, beside its bytes
 
 @dataclass(frozen=True)
 class _Family:
+    """``beside``: the prior where the constants differ as well; without one it is not tried then."""
+
     prior: float
     guesses: Callable[[Case], Guesses]
     changes: Changes = Changes.FORMAT
+    beside: float | None = None
 
 
-_FAMILIES = (  # of two that fit as well, the one that stands first is told first
+_FAMILIES = (  # if two fit equally well, the first in this list is told first
     _Family(0.30, format.other_protocols),
     _Family(0.25, format.unknown_message, Changes.NOTHING),
     _Family(0.25, format.unlisted_seed, Changes.NOTHING),
     _Family(0.30, format.other_sender, Changes.SENDER),
-    _Family(0.30, check.as_peers_check, Changes.CHECK),
-    _Family(0.20, check.near_ranges, Changes.CHECK),
-    _Family(0.20, check.byte_orders, Changes.CHECK),
+    _Family(0.30, check.as_peers_check, Changes.CHECK, beside=0.10),
+    _Family(0.20, check.near_ranges, Changes.CHECK, beside=0.05),
+    _Family(0.20, check.byte_orders, Changes.CHECK, beside=0.05),
     _Family(0.20, check.seeds, Changes.CHECK),
-    _Family(0.20, format.lengths),
+    _Family(0.20, format.lengths, beside=0.05),
     _Family(0.20, format.payload_sizes),
     _Family(0.20, format.other_byte_order),
     _Family(0.15, format.other_constants),
-    _Family(0.15, check.algorithms_of_its_kind, Changes.CHECK),
-    _Family(0.02, check.algorithms_of_other_kinds, Changes.CHECK),
+    _Family(0.15, check.algorithms_of_its_kind, Changes.CHECK, beside=0.05),
+    _Family(0.02, check.algorithms_of_other_kinds, Changes.CHECK, beside=0.01),
     _Family(0.10, damage.terminal_driver, Changes.NOTHING),
     _Family(0.10, damage.lost_constants, Changes.NOTHING),
-    _Family(0.05, check.all_ranges, Changes.CHECK),
+    _Family(0.05, check.all_ranges, Changes.CHECK, beside=0.02),
     _Family(0.05, damage.one_bit, Changes.NOTHING),
     _Family(0.03, damage.extra_byte, Changes.NOTHING),
     _Family(0.02, check.all_algorithms_and_ranges, Changes.CHECK),
     _Family(0.02, damage.lost_byte, Changes.NOTHING),
 )
 # Once the constants are taken as they stand, what else may differ.
-_WITH_OTHER_CONSTANTS = (
-    _Family(0.10, check.as_peers_check, Changes.CHECK),
-    _Family(0.05, check.near_ranges, Changes.CHECK),
-    _Family(0.05, check.byte_orders, Changes.CHECK),
-    _Family(0.05, check.algorithms_of_its_kind, Changes.CHECK),
-    _Family(0.01, check.algorithms_of_other_kinds, Changes.CHECK),
-    _Family(0.05, format.lengths),
-    _Family(0.02, check.all_ranges, Changes.CHECK),
-)
+_WITH_OTHER_CONSTANTS = tuple(replace(one, prior=one.beside) for one in _FAMILIES if one.beside is not None)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -71,13 +73,6 @@ def _variants(each: Format, data: bytes) -> list[tuple[Format, Format, int, int]
 
 
 def _distances(data: bytes, start: bytes) -> list[int]:
-    places = []
-    at = data.find(start)
-    while at >= 0:
-        places.append(at)
-        at = data.find(start, at + 1)
-    counts: dict[int, int] = {}
-    for before, after in pairwise(places):
-        counts[after - before] = counts.get(after - before, 0) + 1
-    often = sorted((distance for distance, count in counts.items() if count >= _LEAST), key=lambda d: -counts[d])
-    return often[:_MOST_SIZES]
+    places = [found.start() for found in re.finditer(b"(?=%b)" % re.escape(start), data)]
+    counts = Counter(after - before for before, after in pairwise(places))
+    return [distance for distance, count in counts.most_common(_MOST_SIZES) if count >= _LEAST]

@@ -19,7 +19,7 @@ _MOST_BYTES = 6_000_000  # that are looked at
 _FIXED_COST_BYTES = 100  # of one computation, beside its bytes
 _CHANCE = 1e-6  # that a guess fits so many frames by accident
 _MOST_HEADERS = 0.7  # of the headers must have a check of their own
-_LEAST_UNLIKE = 4  # contents that a check in the header must cover
+_LEAST_UNLIKE = 4  # contents that a check in the header must cover, and values that any check must have
 
 
 @dataclass(frozen=True)
@@ -123,9 +123,12 @@ def _best(frames: Sequence[bytes], places: Iterator[Place], least: float = _LEAS
                     return best
                 if not any(_holds(one, order, place, frame) for frame in first):
                     continue
-                fits = sum(_holds(one, order, place, frame) for frame in frames)
+                holding = [frame for frame in frames if _holds(one, order, place, frame)]
+                fits = len(holding)
                 if fits < least * len(frames) or (best is not None and fits <= best.fits):
                     continue
+                if len({found[0] for frame in holding if (found := place.of(frame))}) < _LEAST_UNLIKE:
+                    continue  # such as the sum of zeros: it proves nothing
                 if chance_of(2**algorithm.width, tried, Together(fits, len(frames))) < _CHANCE:
                     best = Check(one, order, place, fits, len(frames))
     return best

@@ -6,6 +6,7 @@ that fits the frames proves, and else how much of the stream each explains.
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -14,6 +15,7 @@ from functools import cache
 from typing import Literal
 
 from wirebond.analysis.explain.stuffing import Unstuffed, unstuff
+from wirebond.analysis.explain.together import Together, chance_of
 from wirebond.codec import Codec
 from wirebond.protocol import loads
 from wirebond.protocol.spelling import bytes_text
@@ -30,6 +32,8 @@ _AHEAD = 4  # following starts in which the next frame may begin
 _VOTES = 0.25  # part of the starts that agree
 _LEAST_COVERED = 0.15  # part of the stream that lies in frames
 _MOST_CUTS = 12
+_RULES = 10_000  # ways that are tried, about
+_CHANCE = 1e-3  # that one of them leads from start to start by accident
 
 
 @dataclass(frozen=True)
@@ -124,8 +128,8 @@ def _by_start(data: bytes) -> Iterator[Cut]:
         places = _places(data, start)
         rules: list[ByStart] = [*_lengths(data, places, len(start)), *_fixed(places), *_by_id(data, places, len(start))]
         for rule in rules:
-            frames = _chain(data, places, rule)
-            if len(frames) >= _LEAST_FRAMES:
+            frames, tried = _chain(data, places, rule)
+            if len(frames) >= _LEAST_FRAMES and _is_no_accident(len(frames), tried, len(places) / len(data)):
                 yield _with_start(Cut(rule, start, tuple(frames), sum(map(len, frames))))
 
 
@@ -140,12 +144,7 @@ def _starts(data: bytes) -> list[bytes]:
 
 
 def _places(data: bytes, start: bytes) -> list[int]:
-    places = []
-    at = data.find(start)
-    while at >= 0:
-        places.append(at)
-        at = data.find(start, at + 1)
-    return places
+    return [found.start() for found in re.finditer(b"(?=%b)" % re.escape(start), data)]
 
 
 def _lengths(data: bytes, places: Sequence[int], start: int) -> Iterator[Length]:
@@ -207,14 +206,21 @@ def _by_id(data: bytes, places: Sequence[int], start: int) -> Iterator[Sizes]:
             yield Sizes(at, sizes)
 
 
-def _chain(data: bytes, places: Sequence[int], rule: ByStart) -> list[bytes]:
-    """Frames whose end is the start of another, or of the stream's end. Within a frame none begins."""
+def _is_no_accident(frames: int, tried: int, share: float) -> bool:
+    """Whether chance would seldom lead from so many of the ``tried`` starts to another start, if starts stand at this
+    share of all places."""
+    return share < 1 and chance_of(1 / share, _RULES, Together(frames, tried)) < _CHANCE
+
+
+def _chain(data: bytes, places: Sequence[int], rule: ByStart) -> tuple[list[bytes], int]:
+    """Frames whose end is the start of another, or of the stream's end, and how many starts were tried. Within a frame
+    none begins."""
     known = set(places)
     frames: list[bytes] = []
-    at = 0
-    index = 0
+    at = index = tried = 0
     while index < len(places):
         place = places[index]
+        tried += 1
         size = rule.frame_size(data, place)
         end = place + size if size is not None else 0
         if size is not None and 2 < size <= _MOST_FRAME and (end in known or end == len(data)):
@@ -223,7 +229,7 @@ def _chain(data: bytes, places: Sequence[int], rule: ByStart) -> list[bytes]:
             index = bisect_right(places, at - 1)
         else:
             index += 1
-    return frames
+    return frames, tried
 
 
 def _with_start(cut: Cut) -> Cut:
@@ -286,8 +292,8 @@ def _cut_between(data: bytes, rule: Between) -> Cut | None:
     raws = [message.raw for message in (*decoder.feed(data), *decoder.finish())]
     contents = (unstuff(_reader(rule).model.format, _inside(raw, rule)) for raw in raws)
     frames = tuple(content.data for content in contents if isinstance(content, Unstuffed) and content.data)
-    if len(frames) < _LEAST_FRAMES:
-        return None
+    if len(frames) < _LEAST_FRAMES or all(len(set(frame)) == 1 for frame in frames):
+        return None  # runs of one byte, which any stream of a few values has
     return Cut(rule, b"", frames, sum(map(len, raws)))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from wirebond.analysis.infer.checks import Check, header_check
@@ -224,15 +224,16 @@ class _Writer:
         if line.name == "header_check":
             head = self.head
             assert head is not None, "there is one"
-            first = next(one.name for one in parts if one.at == head.place.first)
-            last = next(one.name for one in parts if one.at + one.size == line.at and one.size)
+            first = _name_of(one for one in parts if one.at == head.place.first)
+            last = _name_of(one for one in parts if one.at + one.size == line.at and one.size)
             over = first if first == last else f"{first}..{last}"
             return _replaced(line, f"{{{_check_text(head, over)}, name: header_check}}")
         if line.name == "check":
             check = self.check
             assert check is not None, "there is one"
             first_at = check.place.first + (check.place.at + check.place.size if check.place.looks_ahead else 0)
-            first = next(one.name for one in parts if one.at == first_at and one.name not in ("check", "tail", "mark"))
+            behind = ("check", "tail", "mark")
+            first = _name_of(one for one in parts if one.at == first_at and one.name not in behind)
             return _replaced(line, _check_text(check, first if first == "payload" else f"{first}..payload"))
         return line
 
@@ -307,14 +308,28 @@ class _Writer:
         self.uncertain.append("what the payloads mean: they are plain bytes here.")
 
 
-def draft(cut: Cut, check: Check | None, name: str, source: str, sender: End, *, with_id: bool = True) -> Draft:
-    """The file for frames that are cut and checked so.
+def draft(cut: Cut, check: Check | None, name: str, source: str, sender: End, *, with_id: bool = True) -> Draft | None:
+    """The file for frames that are cut and checked so. None where the check begins or ends within a part: no file can
+    say that.
 
     :param source: where the bytes are from, for the first line.
     :param sender: whose bytes they are.
     :param with_id: look for a byte that tells messages apart.
     """
-    return _Writer(cut, check, with_id, sender).write(name, source)
+    try:
+        return _Writer(cut, check, with_id, sender).write(name, source)
+    except _WithinPartError:
+        return None
+
+
+class _WithinPartError(Exception):
+    """A check begins or ends where no part does."""
+
+
+def _name_of(parts: Iterable[_Line]) -> str:
+    for part in parts:
+        return part.name
+    raise _WithinPartError
 
 
 def _rounded(most: int) -> int:

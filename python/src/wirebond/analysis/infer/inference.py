@@ -43,7 +43,7 @@ class Inference:
 
 
 def infer(data: bytes, name: str = "inferred", source: str = "a capture", sender: End = End.MCU) -> Inference | None:
-    """The most likely format of bytes that nobody knows. None where nothing in them repeats as frames do.
+    """The most likely format of bytes that no known format explains. None where nothing in them repeats as frames do.
 
     It takes some seconds; pure, any thread.
 
@@ -92,5 +92,7 @@ def _drafts(cut: Cut, name: str, source: str, sender: End) -> list[Draft]:
     check = best_check(cut.frames, len(cut.start), len(cut.tail), in_front=cut.by_start, whole=numbers)
     if check is None and cut.tail:  # what seems to be a tail may be the end of every payload
         bare = Cut(cut.rule, cut.start, cut.frames, cut.covered)
-        return [*_drafts(bare, name, source, sender), draft(cut, None, name, source, sender)]
-    return [draft(cut, check, name, source, sender, with_id=with_id) for with_id in (True, False)]
+        written = [*_drafts(bare, name, source, sender), draft(cut, None, name, source, sender)]
+    else:
+        written = [draft(cut, check, name, source, sender, with_id=with_id) for with_id in (True, False)]
+    return [one for one in written if one is not None]

@@ -152,7 +152,7 @@ def infer(
         str | None, typer.Option(help="Whose bytes these are: mcu or host. Without it: the MCU's.")
     ] = None,
 ) -> None:
-    """Write a first protocol file for bytes of a format that nobody knows. Exit 1 if nothing repeats in them."""
+    """Write a first protocol file for bytes of an undocumented format. Exit 1 if nothing repeats in them."""
     from wirebond.cli.commands.infer import infer_file
 
     raise_from_here()
