@@ -7,6 +7,7 @@ import socket
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import pytest
 
@@ -14,7 +15,7 @@ import wirebond
 from tests.server.conftest import Served
 from tests.waiting import PATIENCE, wait_until
 from wirebond import LinkDownError, PortError
-from wirebond.link.attached import words
+from wirebond.link.attached import attached_link, words
 
 pytestmark = pytest.mark.live
 
@@ -102,3 +103,27 @@ def test_a_link_that_gets_junk_says_so_and_comes_back(served: Served, junk: byte
         wait_until(lambda: number not in clients and len(clients) == 1, "it attaches again")
         wait_until(lambda: link.state != "down", link.why)
         link.send("status_query")
+
+
+def test_a_link_that_is_closed_while_it_attaches_again_leaves_no_connection(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    attach = attached_link.attach
+    begun, closed = threading.Event(), threading.Event()
+    made: list[socket.socket] = []
+
+    def attach_late(*arguments: Any, **options: Any) -> Any:
+        begun.set()
+        closed.wait(PATIENCE)
+        attached = attach(*arguments, **options)
+        made.append(attached[0])
+        return attached
+
+    clients = served.server._owner.clients
+    with served.attach():
+        monkeypatch.setattr(attached_link, "attach", attach_late)
+        served.server._owner.loop.call_soon_threadsafe(next(iter(clients.values())).write, JUNK[0])
+        assert begun.wait(PATIENCE)
+    closed.set()
+    wait_until(lambda: made and made[0].fileno() == -1, "the connection is closed")
+    wait_until(lambda: not clients, "the server has no client")

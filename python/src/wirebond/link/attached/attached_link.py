@@ -533,8 +533,11 @@ class AttachedLink:
         except UsageError:
             found.close()
             raise
-        self.welcome = welcome
         with self._lock:
+            if self._is_closing:  # since a moment ago: the connection would stay open
+                found.close()
+                return
+            self.welcome = welcome
             # On one computer both read the same clock; else the server's time was taken between these two.
             self._shift = 0.0 if address.path or address.host in LOOPBACK else (began + ended) / 2 - accepted.t
             self._tick = accepted.tick
