@@ -38,6 +38,7 @@ import pytest
 import typer
 
 import wirebond
+from tests.command import run as run_command
 from tests.waiting import moments
 from wirebond.cli.main import app
 from wirebond.cli.web import with_web_address
@@ -71,6 +72,7 @@ LANGUAGES = {
     "text",
 }
 RUN = ("wirebond ", "echo ")  # commands that a page may show with their output
+COLUMNS = 200
 QUICK = [
     "-O0",
     "-DWIREBOND_INLINE=inline",
@@ -271,7 +273,7 @@ def commands(block: Block) -> Iterator[tuple[str, str]]:
 def test_commands_print_what_is_shown(page: Path, workspace: Path) -> None:
     """A command that talks to a robot for a moment is run until it shows this: either may be held up meanwhile."""
     scripts = Path(sys.executable).parent
-    environment = {**os.environ, "PATH": f"{scripts}:{os.environ['PATH']}", "COLUMNS": "200", "NO_COLOR": "1"}
+    environment = {**os.environ, "PATH": f"{scripts}:{os.environ['PATH']}", "COLUMNS": f"{COLUMNS}", "NO_COLOR": "1"}
     status = 0
 
     def shows(command: str, wanted: str) -> None:
@@ -279,11 +281,15 @@ def test_commands_print_what_is_shown(page: Path, workspace: Path) -> None:
         got = ""
         with virtual_mcu() if PORT in command else contextlib.nullcontext(PORT) as port:
             for _ in moments(lambda: got):  # noqa: B023 - the newest
-                result = subprocess.run(
-                    ["bash", "-c", f"(exit {status}); {command.replace(PORT, port)}"],
-                    cwd=workspace, env=environment, timeout=600, check=False, text=True,
-                    stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                )  # fmt: skip
+                line = command.replace(PORT, port)
+                if line.startswith("wirebond ") and not re.search(r"[|<>&;$`*?]", line):
+                    result = run_command(*shlex.split(line)[1:], cwd=workspace, columns=COLUMNS, merged=True)
+                else:
+                    result = subprocess.run(
+                        ["bash", "-c", f"(exit {status}); {line}"],
+                        cwd=workspace, env=environment, timeout=600, check=False, text=True,
+                        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                    )  # fmt: skip
                 status = result.returncode
                 got = differs(wanted, result.stdout.replace(port, PORT))
                 if not got or PORT not in command:

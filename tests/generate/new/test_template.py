@@ -39,8 +39,15 @@ def chosen_parts() -> list[str]:
     return [",".join(parts) for n in range(len(PARTS) + 1) for parts in combinations(PARTS, n)]
 
 
-@pytest.mark.parametrize("template", ["native", "length"])
-@pytest.mark.parametrize("has", [*chosen_parts(), "joints=1", f"base,joints={MOST_JOINTS}"])
+EXTREMES = ["", ",".join(PARTS), "joints=1", f"base,joints={MOST_JOINTS}"]
+CHOICES = [("native", has) for has in dict.fromkeys([*chosen_parts(), *EXTREMES])]
+CHOICES += [("length", has) for has in EXTREMES]
+
+
+@pytest.mark.parametrize(
+    ("template", "has"),
+    [*CHOICES, *(pytest.param("length", has, marks=pytest.mark.long) for has in chosen_parts() if has not in EXTREMES)],
+)
 def test_each_choice_of_parts_is_a_file_that_the_lint_accepts(template: str, has: str) -> None:
     text = template_text(template, "robot", parts_of(has))
     report = lint(wirebond.Codec(loads(text)))
