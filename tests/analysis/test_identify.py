@@ -283,10 +283,10 @@ def test_a_file_whose_frames_have_gained_a_field_is_named(capsys: pytest.Capture
     assert "arm fits if its payload has 8 bytes and not 6: the frames are 2 bytes longer" in shown
     assert main(["identify", str(capture), "--also", str(file), "--json"]) == 1
     told = json.loads(capsys.readouterr().out)
-    assert told["other_sizes"] == [{"file": str(file), "payload": 8, "told": 6}]
+    assert told["other_sizes"] == [{"format": "arm", "file": str(file), "payload": 8, "told": 6}]
 
 
-def test_of_a_format_that_nobody_knows_is_told_what_can_be_seen(
+def test_identify_shows_what_can_be_seen_in_an_undocumented_format(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     codec = Codec(loads(ARM.format(size=8, more=", g: {type: i16}")))

@@ -298,9 +298,9 @@ def noisy_robot(first: int = 0, file: Path = DIFFDRIVE) -> Iterator[Console]:
 
 
 @contextmanager
-def undescribed_device() -> Iterator[Console]:
-    """A console over a port that sends frames, and no protocol is chosen."""
-    with robot_frames() as port, Console(port=0, options=Options(may_connect=True)) as console:
+def undescribed_device(file: Path = DIFFDRIVE) -> Iterator[Console]:
+    """A console over a port that sends frames, and no protocol is chosen. ``file``: as of `robot_frames`."""
+    with robot_frames(file=file) as port, Console(port=0, options=Options(may_connect=True)) as console:
         urllib.request.urlopen(request_to(console, "api/connect", {"port": port, "baud": 115200})).close()
         yield console
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import random
 import re
 import subprocess
 import sys
@@ -103,6 +104,15 @@ def test_a_device_without_a_file_shows_its_bytes_and_what_it_may_be(free: Desk) 
     matches = free.ask("/api/identify", {"live": 10})[1]["matches"]
     assert matches[0]["name"] == "diffdrive" and "protocol: diffdrive" in matches[0]["text"]
     assert free.ask("/api/identify", {"port": free.pty.path})[0] == 409
+
+
+def test_identify_shows_what_can_be_seen_in_bytes_that_no_format_fits(free: Desk) -> None:
+    source = random.Random(1)
+    unknown = [bytes([0x5A, 0xC3, number % 256, *source.randbytes(9)]) for number in range(150)]
+    data = b"".join(frame + bytes([sum(frame) & 0xFF]) for frame in unknown)
+    status, told = free.ask("/api/identify", {"bytes": data.hex()})
+    assert status == 200 and told["matches"] == told["other_sizes"] == []
+    assert "- check: {type: sum8" in told["inferred"] and loads(told["inferred"]).name == "inferred"
 
 
 def test_a_first_file_comes_from_a_template_or_a_header(free: Desk) -> None:

@@ -29,6 +29,15 @@ def device(browser: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     close_tabs(browser)
 
 
+UNDOCUMENTED = """\
+wirebond: 1
+protocol: undocumented
+frame: [magic: 0x5A 0xC3, id: u8, payload: 4, check: {type: crc-16/modbus, over: magic..payload}]
+messages:
+  odometry: {id: 7, sender: mcu, fields: {left_ticks: {type: i16}, right_ticks: {type: i16}}}
+"""
+
+
 def text_of(page: Page) -> str:
     return page.get_by_role("textbox", name="Edit and try").input_value()
 
@@ -59,6 +68,23 @@ def test_its_format_is_found_edited_saved_and_used_without_leaving_the_page(
     expect(page.locator("header .name")).to_have_text("my_robot")
     page.keyboard.press("2")
     expect(page.locator("tr", has_text="odometry").locator(".fields")).to_contain_text("left_ticks")
+    assert problems == []
+
+
+def test_what_can_be_seen_in_an_undocumented_format_becomes_a_first_file(browser: Browser, tmp_path: Path) -> None:
+    file, problems = tmp_path / "undocumented.yaml", list[str]()
+    file.write_text(UNDOCUMENTED)
+    with undescribed_device(file) as console:
+        page = open_page(browser, console, "messages", problems)
+        expect(page.locator("td.mono").nth(50)).to_be_visible()
+        page.get_by_role("button", name="Try the known formats").click()
+        seen = page.get_by_role("region", name="What can be seen")
+        expect(seen).to_contain_text("magic: 0x5A 0xC3")
+        expect(seen).to_contain_text("check: {type: crc-16/modbus, over: magic..payload")
+        assert serious(page) == []
+        page.get_by_role("button", name="Edit this file").click()
+        expect(page.locator(".results")).to_contain_text("message")
+    close_tabs(browser)
     assert problems == []
 
 

@@ -11,6 +11,19 @@ export interface Match {
   frames: number;
   text: string;
 }
+/** A format whose payload has `payload` bytes here, and `told` in its file. */
+export interface OtherSize {
+  format: string;
+  file: string;
+  payload: number;
+  told: number;
+}
+interface Found {
+  matches: Match[];
+  formats_tried: number;
+  other_sizes: OtherSize[];
+  inferred: string | null;
+}
 interface Line {
   baud: number;
   parity: string;
@@ -24,6 +37,9 @@ class Finder {
   /** The port whose baud rates are tried: it is disconnected meanwhile. */
   port = $state<string | null>(null);
   matches = $state.raw<Match[] | null>(null);
+  otherSizes = $state.raw<OtherSize[]>([]);
+  /** A first protocol file for bytes that no format fits. */
+  inferred = $state<string | null>(null);
   line = $state.raw<Line | null>(null);
   tried = $state(0); // formats
   problem = $state("");
@@ -31,8 +47,10 @@ class Finder {
   /** Tries the known formats on the last bytes. */
   async formats(): Promise<void> {
     await this.doing(async () => {
-      const found = await post<{ matches: Match[]; formats_tried: number }>("api/identify", { live: SECONDS });
+      const found = await post<Found>("api/identify", { live: SECONDS });
       this.matches = found.matches;
+      this.otherSizes = found.other_sizes;
+      this.inferred = found.inferred;
       this.tried = found.formats_tried;
       this.line = null;
     });
@@ -81,6 +99,8 @@ class Finder {
     this.isBusy = true;
     this.problem = "";
     this.matches = null;
+    this.otherSizes = [];
+    this.inferred = null;
     try {
       await work();
     } catch (error) {

@@ -554,6 +554,12 @@ export const en = {
     identify: "Try the known formats",
     noMatch: (count: number) =>
       `None of the ${count} known formats fits these bytes. Try all baud rates, or start a protocol file.`,
+    otherSize: (format: string, size: number, told: number) =>
+      `${format} fits if its payload has ${size} bytes and not ${told}: the firmware may have gained or lost a field.`,
+    inferred: (count: number) =>
+      `None of the ${count} known formats fits these bytes. This can be seen in them; each line has its evidence beside it.`,
+    inferredFile: "What can be seen",
+    editInferred: "Edit this file",
     rates: "Try all baud rates",
     tryingRates: "Listening at one baud rate after the other. The port is disconnected meanwhile.",
     line: (baud: number, form: string) => `Likely ${baud} Bd, ${form}.`,

@@ -541,6 +541,11 @@ export const zh: Texts = {
     matches: "符合的格式",
     identify: "尝试已知格式",
     noMatch: (count) => `${count} 种已知格式都不符合这些字节。请尝试所有波特率，或新建协议文件。`,
+    otherSize: (format, size, told) =>
+      `如果数据是 ${size} 字节而不是 ${told} 字节，则符合 ${format}：固件可能增减了字段。`,
+    inferred: (count) => `${count} 种已知格式都不符合这些字节。从中可以看出以下内容，每行旁注明依据。`,
+    inferredFile: "可以看出的内容",
+    editInferred: "编辑此文件",
     rates: "尝试所有波特率",
     tryingRates: "正在逐个波特率监听，其间串口断开连接。",
     line: (baud, form) => `很可能是 ${baud} Bd，${form}。`,

@@ -207,8 +207,10 @@ def _by_id(data: bytes, places: Sequence[int], start: int) -> Iterator[Sizes]:
 
 
 def _is_no_accident(frames: int, tried: int, share: float) -> bool:
-    """Whether chance would seldom lead from so many of the ``tried`` starts to another start, if starts stand at this
-    share of all places."""
+    """Whether chance rarely leads from this many of the ``tried`` starts to another start.
+
+    :param share: part of all places at which a start stands.
+    """
     return share < 1 and chance_of(1 / share, _RULES, Together(frames, tried)) < _CHANCE
 
 

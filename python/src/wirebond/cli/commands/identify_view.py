@@ -7,14 +7,13 @@ from typing import Any
 
 from wirebond.analysis.identify.formats import Known
 from wirebond.analysis.identify.ranking import Candidate
-from wirebond.analysis.identify.resized import resized
-from wirebond.analysis.infer import Inference, infer
+from wirebond.analysis.infer import Inference
+from wirebond.analysis.infer.unfitting import FEW_BYTES, look_at_unfitting
 from wirebond.cli.output import write
 from wirebond.cli.values import to_json
 
 _MOST_SHOWN = 4
 _MOST_MESSAGES = 6
-_FEW_BYTES = 200
 _APART = 0.05  # part of the bytes of two formats that lie in frames of both
 
 
@@ -23,24 +22,19 @@ def show(candidates: Sequence[Candidate], data: bytes, known: Known, line: str =
     size = len(data)
     said = [f"{size} bytes{f' at {line}' if line else ''}, {len(known.formats)} formats tried", ""]
     fitting = [one for one in candidates if one.fits]
+    other = look_at_unfitting(data, known.formats, candidates)
     for one in fitting[:_MOST_SHOWN]:
         said += [*_candidate(one), ""]
     if fitting:
         said += verdict(candidates)
-    elif near := resized(known.formats, data):
-        said += ["No known format fits as its file says.", *(one.sentence for one in near[:_MOST_SHOWN])]
+    elif other.near:
+        said += ["No known format fits as its file says.", *(one.sentence for one in other.near[:_MOST_SHOWN])]
     else:
-        seen = _looked_at(data, candidates)
-        said += nothing_fits(size, candidates) if seen is None else _seen(seen)
+        said += nothing_fits(size, candidates) if other.seen is None else _seen(other.seen)
         said += [
             f"Too weak to say: {one.format.name}, {one.evidence:.0f} bits" for one in candidates[:3] if one.evidence > 0
         ]
     write("\n".join(said) + "\n")
-
-
-def _looked_at(data: bytes, candidates: Sequence[Candidate]) -> Inference | None:
-    """What can be seen in bytes that no format fits; None where they are few, or one that repeats tells too little."""
-    return None if len(data) < _FEW_BYTES or any(one.repeats for one in candidates) else infer(data)
 
 
 def _seen(seen: Inference) -> list[str]:
@@ -61,8 +55,6 @@ def show_json(
 ) -> None:
     """For a program."""
     fitting = [one for one in candidates if one.fits]
-    near = [] if fitting else resized(known.formats, data)
-    seen = None if fitting or near else _looked_at(data, candidates)
     told = {
         "bytes": len(data),
         **(settings or {}),
@@ -71,8 +63,7 @@ def show_json(
         "format": fitting[0].format.name if fitting else None,
         "same_wire": [one.format.name for one in same_wire(candidates)],
         "candidates": [one.as_dict() for one in fitting],
-        "other_sizes": [{"file": one.file.model.path, "payload": one.size, "told": one.told} for one in near],
-        "inferred": None if seen is None else seen.text,
+        **look_at_unfitting(data, known.formats, candidates).as_dict(),
     }
     write(to_json(told) + "\n")
 
@@ -129,7 +120,7 @@ def nothing_fits(size: int, candidates: Sequence[Candidate] = ()) -> list[str]:
             f"{repeating[0].frame_share:.0%} of them, but a frame that repeats counts once. "
             "Make values change, for example move the robot, and try again."
         )
-    elif size < _FEW_BYTES:
+    elif size < FEW_BYTES:
         said.append(f"{size} bytes are few: give some seconds of the line, more than a hundred frames if you can.")
     return [
         *said,

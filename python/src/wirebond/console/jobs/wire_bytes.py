@@ -10,6 +10,7 @@ from wirebond.analysis.explain import explain
 from wirebond.analysis.explain.data import explanation_dict
 from wirebond.analysis.identify.formats import known_formats
 from wirebond.analysis.identify.ranking import Candidate, rank
+from wirebond.analysis.infer.unfitting import look_at_unfitting
 from wirebond.codec import Codec
 from wirebond.console.jobs.protocol_files import codec_of
 from wirebond.protocol.model import End
@@ -27,9 +28,11 @@ def explained(text: str, name: str, data: bytes, sender: End | None) -> dict[str
 
 
 def identified(data: bytes) -> dict[str, Any]:
-    """Which known formats these bytes are of, the best first."""
+    """Which known formats these bytes are of, the best first; where none fits, what can be said of them."""
     known = known_formats()
-    return candidates_dict(rank(data, known.formats), len(data), len(known.formats))
+    candidates = rank(data, known.formats)
+    other = look_at_unfitting(data, known.formats, candidates)
+    return candidates_dict(candidates, len(data), len(known.formats)) | other.as_dict()
 
 
 def candidates_dict(candidates: Sequence[Candidate], size: int, tried: int) -> dict[str, Any]:
