@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from wirebond.analysis.explain.guesses import check, damage, format
 from wirebond.analysis.explain.guesses.guess import (
     Case,
+    Fitting,
     Guess,
     Guesses,
     Text,
@@ -25,6 +26,7 @@ from wirebond.analysis.explain.guesses.guess import (
 )
 from wirebond.analysis.explain.layout import check_value, same_check, shown_check, spans
 from wirebond.analysis.explain.report import Changes, FittingGuess
+from wirebond.analysis.explain.solve import LEAST_SAMPLES
 from wirebond.analysis.explain.stuffing import stuff
 from wirebond.analysis.explain.together import ALONE, Stream, Together, chance_of
 from wirebond.analysis.explain.verdict import Outcome, Question, Verdict
@@ -77,6 +79,9 @@ _FAMILIES = (  # if two fit equally well, the first in this list is told first
 _WITH_OTHER_CONSTANTS = tuple(replace(one, prior=one.beside) for one in _FAMILIES if one.beside is not None)
 
 
+_SOLVED = _Family(0.05, lambda _: iter(()), Changes.CHECK)  # its guesses follow from several cases
+
+
 @dataclass(frozen=True)
 class Search:
     """What was found, best first. ``complete``: nothing was left out for want of time."""
@@ -95,6 +100,7 @@ def search_all(cases: Sequence[Case], stream: Stream, most: int) -> list[Search]
     hunts = [_Hunt(case) for case in cases[:most]]
     for hunt in hunts:
         hunt.run_all(_FAMILIES, _WITH_OTHER_CONSTANTS)
+    _solve(hunts)
     judged = _judge(hunts, stream)
     found = [hunt.result(judged) for hunt in hunts]
     shared = {advice for advice, together in judged.items() if together.fits > 1}
@@ -173,6 +179,19 @@ class _Hit:
         return self.guess.key or self.remedy or self.what
 
 
+def _solve(hunts: Sequence[_Hunt]) -> None:
+    """Work out a check from all the candidates whose check fails, where nothing else fits them all."""
+    failing = [hunt for hunt in hunts if hunt.case.failed_check is not None]
+    counts = Counter(advice for hunt in failing for advice in {hit.advice for hit in hunt.hits if hit.family.changes})
+    if len(failing) < LEAST_SAMPLES or max(counts.values(), default=0) == len(failing):
+        return
+    solved = check.solved([hunt.case for hunt in failing])
+    if solved is not None:
+        tried, values = 1 << solved.solution.freedom, 1 << solved.solution.evidence
+        for index, guess in solved.guesses.items():
+            failing[index].add(_SOLVED, guess, tried, values)
+
+
 def _judge(hunts: Sequence[_Hunt], stream: Stream) -> dict[str, Together]:
     """Each change to the file that fits a frame, on all the bytes; those that fit most of the candidates first."""
     hits: dict[str, _Hit] = {}
@@ -210,7 +229,7 @@ class _Hunt:
 
     def run(self, family: _Family, case: Case) -> None:
         tried = 0
-        found: list[tuple[Guess, Verdict, bytes]] = []
+        found: list[tuple[Guess, Fitting]] = []
         for guess in family.guesses(case):
             if self.spent >= BUDGET_BYTES:
                 self.complete = False
@@ -222,14 +241,23 @@ class _Hunt:
             self.spent += _FIXED_COST_BYTES + len(guess.block)
             fitting = test(guess)
             if fitting is not None:
-                found.append((guess, *fitting))
+                found.append((guess, fitting))
         self.tried += tried
         before = case.verdict if case.verdict is not None and not case.verdict.is_frame else None
-        for guess, verdict, data in found:
-            what, remedy = _sentence(case.preface, guess.what, verdict), _sentence("", guess.remedy, verdict)
-            values = evidence(verdict, before)
-            keeps = guess.block != case.block or (guess.protocol is case.protocol and guess.sender == case.sender)
-            self.hits.append(_Hit(family, guess, what, remedy, reading(verdict, data), tried, values, keeps))
+        for guess, fitting in found:
+            self._take(family, guess, case, fitting, tried, evidence(fitting[0], before))
+
+    def add(self, family: _Family, guess: Guess, tried: int, values: int) -> None:
+        """One that was found in another way, if it fits. ``tried``, ``values``: as of a hit."""
+        fitting = test(guess)
+        if fitting is not None:
+            self._take(family, guess, self.case, fitting, tried, values)
+
+    def _take(self, family: _Family, guess: Guess, case: Case, fitting: Fitting, tried: int, values: int) -> None:
+        verdict, data = fitting
+        what, remedy = _sentence(case.preface, guess.what, verdict), _sentence("", guess.remedy, verdict)
+        keeps = guess.block != case.block or (guess.protocol is case.protocol and guess.sender == case.sender)
+        self.hits.append(_Hit(family, guess, what, remedy, reading(verdict, data), tried, values, keeps))
 
     def result(self, judged: Mapping[str, Together] | None = None) -> Search:
         """``judged``: how changes to the file fit all the bytes; without, each is judged by this candidate alone."""

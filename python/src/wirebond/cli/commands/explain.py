@@ -29,6 +29,7 @@ _TITLES = {Kind.FRAME: "frame", Kind.REFUSED: "refused", Kind.NOISE: "noise", Ki
 _TITLE_COLOURS = {Kind.FRAME: "bold green", Kind.REFUSED: "bold red", Kind.NOISE: "bold yellow", Kind.FILL: "dim"}
 _PLAIN_WIDTH = 120
 _ROW_BYTES = 16  # of hex in a line
+_MOST_COUNTED = 1_000_000  # guesses that are tried one by one; more are those that equations rule out at once
 
 
 def explain_bytes(path: Path, source: str | None, hex_text: str | None, sender: str | None, as_json: bool) -> int:
@@ -176,7 +177,10 @@ def _guess(guess: FittingGuess, said: str) -> Text:
 def _likelihood(guess: FittingGuess) -> str:
     assert guess.chance is not None
     others = f"; {guess.others} more of them fit{'s' * (guess.others == 1)}" if guess.others else ""
-    guesses = f"{guess.tried} guess{'es' * (guess.tried != 1)} of this kind tried{others}"
+    if guess.tried > _MOST_COUNTED:
+        guesses = f"worked out from the frames, of about 2^{guess.tried.bit_length() - 1} possible ones"
+    else:
+        guesses = f"{guess.tried} guess{'es' * (guess.tried != 1)} of this kind tried{others}"
     if guess.of > 1:
         guesses += f"; it makes {guess.fits} frame{'s' * (guess.fits > 1)} of {guess.of} refused ones"
     if guess.chance < 1e-6:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 from wirebond.analysis.explain.guesses.guess import Case, Guess, Guesses, spelled, with_part
 from wirebond.analysis.explain.layout import (
@@ -14,6 +16,7 @@ from wirebond.analysis.explain.layout import (
     shown_check,
     spans,
 )
+from wirebond.analysis.explain.solve import Sample, Solution, solve
 from wirebond.analysis.explain.stuffing import stuff
 from wirebond.protocol.algorithms import ALGORITHMS, in_order
 from wirebond.protocol.model import Algorithm, ByteOrder, CheckKind, Part, PartKind
@@ -42,6 +45,14 @@ def _failed(case: Case) -> _Failed | None:
     places = spans(case.parts, verdict.payload_size or 0)
     start, stop = places[index]
     return _Failed(index, case.parts[index], case.data[start:stop], places, verdict.seed)
+
+
+@dataclass(frozen=True)
+class Solved:
+    """One check for all frames. ``guesses``: by the index of the case."""
+
+    guesses: dict[int, Guess]
+    solution: Solution
 
 
 def _ranges(case: Case, failed: _Failed) -> Iterator[tuple[int, int]]:
@@ -94,7 +105,8 @@ def _replaced(case: Case, failed: _Failed, part: Part) -> Guess | None:
 
     changes = []
     if part.algorithm != failed.part.algorithm and part.algorithm is not None:
-        changes.append(f"is {part.algorithm.name}")
+        is_own = part.algorithm.name not in ALGORITHMS
+        changes.append(f"is {part.algorithm.name}" + " with parameters of its own" * is_own)
     if part.shift != failed.part.shift:
         changes.append("sends the high byte" if part.shift else "sends the low byte")
     if part.order != failed.part.order and part.size > 1:
@@ -112,6 +124,12 @@ def near_ranges(case: Case) -> Guesses:
     failed = _failed(case)
     if failed is None:
         return
+    for first, last in _near(case, failed):
+        yield _replaced(case, failed, replace(failed.part, first=first, last=last))
+    yield from _with_gaps(case, failed)
+
+
+def _near(case: Case, failed: _Failed) -> Iterator[tuple[int, int]]:
     part, parts = failed.part, case.parts
     near = {(part.first + 1, part.last), (part.first, part.last - 1), (part.first, part.last + 1)}
     near |= {(part.first - 1, part.last), (0, failed.index - 1)}
@@ -119,10 +137,7 @@ def near_ranges(case: Case) -> Guesses:
     near |= {(payload, payload), (payload, part.last)}
     no_magic = next((i for i, p in enumerate(parts) if p.kind not in CONSTANTS), 0)
     near.add((no_magic, part.last))
-    for first, last in _ranges(case, failed):
-        if (first, last) in near:
-            yield _replaced(case, failed, replace(part, first=first, last=last))
-    yield from _with_gaps(case, failed)
+    return (one for one in _ranges(case, failed) if one in near)
 
 
 def _with_gaps(case: Case, failed: _Failed) -> Guesses:
@@ -247,6 +262,41 @@ def all_algorithms_and_ranges(case: Case) -> Guesses:
         for algorithm in ALGORITHMS.values():
             for part in _with_algorithm(failed.part, algorithm):
                 yield _replaced(case, failed, replace(part, first=first, last=last))
+
+
+def solved(cases: Sequence[Case]) -> Solved | None:
+    """The check whose parameters follow from the frames: over the file's own range, or else over a near one.
+
+    None where the catalogue's algorithms are all that these frames can tell, as too few of them have such a check.
+    """
+    failed = {index: found for index, case in enumerate(cases) if (found := _failed(case)) is not None}
+    names = Counter(found.part.name for found in failed.values())
+    alike = {index: found for index, found in failed.items() if found.part.name == names.most_common(1)[0][0]}
+    if not alike:
+        return None
+    index, one = next(iter(alike.items()))
+    if one.part.seeded or one.part.algorithm is None:
+        return None
+    own = one.part.first, one.part.last
+    size = one.part.size // 2 if one.part.as_hex else one.part.size
+    orders = [one.part.order] if size == 1 or one.part.as_hex else sorted(ByteOrder, key=lambda o: o != one.part.order)
+    ways = [(*way, False) for way in product([own, *_near(cases[index], one)], orders)]
+    for (first, last), order, thorough in (*ways, (own, one.part.order, True)):
+        covered = [found.covered(cases[i].data, first, last) for i, found in alike.items()]
+        samples = [Sample(data, _number(found, order)) for data, found in zip(covered, alike.values(), strict=True)]
+        solution = solve(samples, size, thorough=thorough)
+        if solution is not None:
+            part = replace(one.part, algorithm=solution.algorithm, order=order, shift=0, first=first, last=last)
+            guesses = {i: _replaced(cases[i], found, part) for i, found in alike.items()}
+            return Solved({i: guess for i, guess in guesses.items() if guess is not None}, solution)
+    return None
+
+
+def _number(failed: _Failed, order: ByteOrder) -> int:
+    """The value that stands as the check."""
+    if failed.part.as_hex:
+        return int(failed.found, 16)
+    return int.from_bytes(failed.found, "big" if order == ByteOrder.BIG else "little")
 
 
 def as_peers_check(case: Case) -> Guesses:

@@ -99,7 +99,11 @@ def look(protocol: Protocol, block: bytes, sender: End | None) -> tuple[Verdict,
     return examine(protocol, content.data, sender, block=block), content.data
 
 
-def test(guess: Guess) -> tuple[Verdict, bytes] | None:
+# The verdict on a guess that fits, and the unstuffed bytes.
+Fitting = tuple[Verdict, bytes]
+
+
+def test(guess: Guess) -> Fitting | None:
     """The frame that the bytes are if the guess is right, or None.
 
     Bytes behind the frame are taken only where its checks carry the proof: else any bytes would hold some frame.

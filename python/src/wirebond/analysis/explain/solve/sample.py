@@ -1,0 +1,32 @@
+"""What a frame says about its check: the bytes that are covered, and the value."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+Order = Literal["little", "big"]
+LEAST_SAMPLES = 4  # that differ
+
+
+class Sample(NamedTuple):
+    """One frame's covered bytes and the number that stands as their check."""
+
+    covered: bytes
+    value: int
+
+
+def words(data: bytes, unit: int, order: Order) -> list[int]:
+    """The whole words of ``unit`` bytes."""
+    if unit == 1:
+        return list(data)
+    return [int.from_bytes(data[at : at + unit], order) for at in range(0, len(data) - unit + 1, unit)]
+
+
+def tail(data: bytes, unit: int) -> bytes:
+    """The bytes behind the last whole word."""
+    return data[len(data) - len(data) % unit :]
+
+
+def reflected(number: int, width: int) -> int:
+    """The bits in the other order."""
+    return int(f"{number:0{width}b}"[::-1], 2)
