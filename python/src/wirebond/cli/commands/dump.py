@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 from typing import Any
 
 from wirebond.cli.output import errors, plain, write
+from wirebond.cli.rounds import time_left
 from wirebond.cli.shown import message_dict, title_of, values_text
 from wirebond.cli.signals import ended_by_signals
 from wirebond.cli.values import hex_of, to_json
@@ -21,11 +21,10 @@ _REFRESH = 0.1  # seconds
 def dump_port(path: Path, port: str, baud: int | None, seconds: float | None, as_json: bool) -> int:
     """Listens, and prints all that is kept at the end. Exit code 1 where no byte came or went."""
     with open_link(path, port, baud, hold_back=False, listen="all") as link:
-        end = float("inf") if seconds is None else time.monotonic() + seconds
         errors.print(f"listening on {plain(link.port)}" + (" until Ctrl-C" if seconds is None else ""), style="dim")
         with ended_by_signals():
             try:
-                while (left := end - time.monotonic()) > 0:
+                for left in time_left(seconds):
                     link.receive(min(_REFRESH, left))
             except KeyboardInterrupt:
                 pass

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -11,6 +9,7 @@ from rich.text import Text
 
 from wirebond.cli.commands.live import one_line
 from wirebond.cli.output import ReaderGone, console, errors, plain, warn, write
+from wirebond.cli.rounds import time_left
 from wirebond.cli.shown import message_dict, stats_line
 from wirebond.cli.signals import ended_by_signals
 from wirebond.cli.values import to_json
@@ -36,9 +35,8 @@ def listen_to_both(
     ):
         for sentence in listener.untold:
             warn(sentence)
-        end = math.inf if seconds is None else time.monotonic() + seconds
         with suppress(KeyboardInterrupt, ReaderGone):
-            _print(listener, end, as_json)
+            _print(listener, seconds, as_json)
         if (shared := listener.shared) is not None:
             frames = ", ".join(f"{count} of {sender}" for sender, count in shared.frames.items())
             errors.print(f"line: {shared.bytes} bytes; frames: {frames}; {shared.other_bytes} bytes in none")
@@ -47,10 +45,10 @@ def listen_to_both(
             errors.print(f"{sender}: {stats_line(link.stats.receive)}")
 
 
-def _print(listener: Listener, end: float, as_json: bool) -> None:
+def _print(listener: Listener, seconds: float | None, as_json: bool) -> None:
     away: set[str] = set()
     width = 4 if listener.shared is None else 6  # of "either"
-    while (left := end - time.monotonic()) > 0:
+    for left in time_left(seconds):
         for sender, link in listener.links.items():
             is_away = link.state == "down"
             if is_away != (sender in away):

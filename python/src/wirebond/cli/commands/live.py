@@ -20,6 +20,7 @@ from wirebond.cli.commands.dump import save
 from wirebond.cli.commands.files import find_message
 from wirebond.cli.dashboard import Dashboard
 from wirebond.cli.output import ReaderGone, console, errors, plain, warn, write
+from wirebond.cli.rounds import time_left
 from wirebond.cli.shown import log_text, print_message, rates_line, stats_line, title_of, values_text
 from wirebond.cli.signals import ended_by_signals
 from wirebond.cli.values import parse_addresses, parse_assignments, parse_header, to_json
@@ -42,10 +43,6 @@ _MOST_DRIFT = 20_000  # parts per million, of a virtual MCU's clock: a poor RC o
 _REFRESH = 0.1  # seconds between two pictures
 _REPLY_WAIT = 1.0  # seconds
 _HELLO_WAIT = 0.3  # seconds for the MCU to say which protocol it has
-
-
-def _end(seconds: float | None) -> float:
-    return math.inf if seconds is None else time.monotonic() + seconds
 
 
 @contextmanager
@@ -83,12 +80,11 @@ def monitor_port(
             role=role,
         ) as link,
     ):
-        end = _end(seconds)
         with _ctrl_c_ends():
             if as_json or not console.is_terminal:
-                _print_messages(link, end, as_json, is_verbose)
+                _print_messages(link, seconds, as_json, is_verbose)
             else:
-                _show_dashboard(link, f"{link.codec.name} on {port}", end)
+                _show_dashboard(link, f"{link.codec.name} on {port}", seconds)
         try:
             if dump_on_exit is not None:
                 save(link, dump_on_exit)
@@ -108,12 +104,12 @@ def _tell_account(link: Link, port: str) -> None:
     errors.print(stats_line(stats.receive) + own + away)
 
 
-def _print_messages(link: Link, end: float, as_json: bool, is_verbose: bool) -> None:
+def _print_messages(link: Link, seconds: float | None, as_json: bool, is_verbose: bool) -> None:
     was_away = False
     watch = LiveDiagnosis(link) if as_json else None
     told: Peer | None = None
     shown: Line | None = None
-    while (left := end - time.monotonic()) > 0:
+    for left in time_left(seconds):
         is_away = link.state == "down"
         if is_away != was_away:
             waits = "" if _is_over(link) else ". Waiting for it."
@@ -171,11 +167,11 @@ def one_line(message: Message, codec: Codec) -> Text:
     return text.append("".join(f"  ({v})" for v in message.violations))
 
 
-def _show_dashboard(link: Link, title: str, end: float) -> None:
+def _show_dashboard(link: Link, title: str, seconds: float | None) -> None:
     dashboard = Dashboard(link, title)
     watch = LiveDiagnosis(link)
     with Live(dashboard.render(), console=console, auto_refresh=False) as live:
-        while (left := end - time.monotonic()) > 0:
+        for left in time_left(seconds):
             is_over = _is_over(link)
             dashboard.update(found := list(link.receive(min(_REFRESH, left))))
             live.update(dashboard.render(wrong=watch.found()), refresh=True)
@@ -206,7 +202,7 @@ def send_message(
     values = parse_assignments(described, words)
     header = parse_header(codec.model, header_words)
     whose = role if described.sender == End.BOTH else None
-    frame = codec.encode(name, values, header=header, sender=whose)  # wrong values are told before a port is touched
+    frame = codec.encode(name, values, header=header, sender=whose)  # wrong values are refused before a port is touched
     if rate is None:
         with open_link(codec, port, baud, role=role) as link:
             code = _send_once(link, codec, name, values, header)
@@ -223,7 +219,7 @@ def send_message(
                 )
             return code
     with ended_by_signals(), open_link(codec, port, baud, role=role) as link:
-        return _send_repeatedly(link, codec, name, values, header, rate, _end(seconds), hands_over)
+        return _send_repeatedly(link, codec, name, values, header, rate, seconds, hands_over)
 
 
 def _warn_of_peer(link: Link, wait: float) -> None:
@@ -282,12 +278,13 @@ def _send_repeatedly(
     values: dict[str, Any],
     header: dict[str, Any],
     rate: float,
-    end: float,
+    seconds: float | None,
     hands_over: bool,
 ) -> int:
     sent = missed = 0
     warned = False
     due = time.monotonic()
+    end = math.inf if seconds is None else due + seconds
     with _ctrl_c_ends():
         while due < end:
             time.sleep(max(0.0, due - time.monotonic()))
@@ -347,7 +344,8 @@ def simulate(
         console.print(name, soft_wrap=True)
         errors.print(f"virtual MCU for {codec.name} on {name}; Ctrl-C ends", style="dim")
         with ended_by_signals(), _ctrl_c_ends():
-            run(mcu, port, _end(seconds), lambda event: errors.print(escape(event)))
+            end = math.inf if seconds is None else time.monotonic() + seconds
+            run(mcu, port, end, lambda event: errors.print(escape(event)))
     port.close()
     refused = {"foreign": mcu.foreign, "held_back": mcu.held_back, "rejected": mcu.rejected}
     refused |= {"unread_bytes": port.lost_bytes}

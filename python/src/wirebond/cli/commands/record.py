@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -12,6 +11,7 @@ from rich.text import Text
 
 from wirebond.cli.commands.recordings import progress_bar
 from wirebond.cli.output import errors, fail, plain, write
+from wirebond.cli.rounds import time_left
 from wirebond.cli.signals import ended_by_signals
 from wirebond.codec import load
 from wirebond.errors import UsageError
@@ -31,14 +31,13 @@ def record_port(
         raise UsageError(f"--minutes {minutes:g}: expected more than 0, such as 90")
     codec = load(path)
     name = out or Path(f"{codec.name}-{time.strftime('%Y%m%d-%H%M%S')}.mcap")
-    end = math.inf if minutes is None else time.monotonic() + minutes * 60
     options = {"hello": role == End.HOST, "clock_sync": False, "role": role, "wait_for_port": waits}
     with open_link(codec, port, baud, hold_back=False, listen="all", **options) as link:  # type: ignore[arg-type]
         recorder = Recorder(link, name)
         try:
             with ended_by_signals(), suppress(KeyboardInterrupt):
                 write(f"{name}\n")
-                _watch(link, recorder, end)
+                _watch(link, recorder, None if minutes is None else minutes * 60)
         finally:
             recorder.close(compact=False)
     errors.print(_line(recorder))
@@ -53,18 +52,22 @@ def record_port(
     return 0
 
 
-def _watch(link: Link, recorder: Recorder, end: float) -> None:
+def _watch(link: Link, recorder: Recorder, seconds: float | None) -> None:
     """Until the time is over, or the file ended."""
     if errors.is_terminal:
         with Live(Text(), console=errors, refresh_per_second=5, transient=True) as live:
-            while time.monotonic() < end and not recorder.error:
-                link.receive(_LOOK)
+            for left in time_left(seconds):
+                if recorder.error:
+                    return
+                link.receive(min(_LOOK, left))
                 live.update(Text(_line(recorder, link)))
         return
     told = time.monotonic()
-    while (now := time.monotonic()) < end and not recorder.error:
-        link.receive(min(_LOOK, end - now))
-        if now - told >= _LINE:
+    for left in time_left(seconds):
+        if recorder.error:
+            return
+        link.receive(min(_LOOK, left))
+        if (now := time.monotonic()) - told >= _LINE:
             errors.print(_line(recorder, link))
             told = now
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wirebond.cli.output import errors, plain
+from wirebond.cli.rounds import time_left
 from wirebond.cli.server_log import shown_server_log
 from wirebond.cli.shown import stats_line
 from wirebond.cli.signals import ended_by_signals
@@ -63,7 +63,6 @@ def serve_port(given: Serving) -> None:
     host = _host_and_port(given.tcp)
     web = None if given.web is None else web_address(given.web)
     make_socket_folder()
-    end = math.inf if given.seconds is None else time.monotonic() + given.seconds
     with ended_by_signals(), shown_server_log(), ExitStack() as stack:
         link = stack.enter_context(open_link(codec, given.port, given.baud, listen=given.listen, wait_for_port=True))
         if given.record is not None:
@@ -91,7 +90,7 @@ def serve_port(given: Serving) -> None:
             source = f"by {topics.path}" if topics.path else "as JSON"
             errors.print(f"ROS 2 node [bold]{topics.namespace.rstrip('/')}/{topics.node}[/], {plain(source)}")
         try:
-            _watch(now, end, failure)
+            _watch(now, given.seconds, failure)
         except KeyboardInterrupt:
             errors.print("ends: what is repeated ends with its safe value")
         errors.print(stats_line(link.stats.receive))
@@ -108,11 +107,10 @@ def _serve_page_alone(given: Serving) -> None:
     """The page chooses the port and the protocol."""
     if given.web is None or given.path is not None or given.tcp is not None or given.record is not None or given.ros2:
         raise UsageError("give FILE and PORT; without both, only --web is possible, where the page chooses them")
-    end = math.inf if given.seconds is None else time.monotonic() + given.seconds
     with ended_by_signals(), shown_server_log(), _console(web_address(given.web), given) as console:
         show(console, given.opens_browser)
         with suppress(KeyboardInterrupt):
-            _watch(lambda: _served(console), end)
+            _watch(lambda: _served(console), given.seconds)
 
 
 def _console(address: tuple[str, int], given: Serving) -> Console:
@@ -141,7 +139,7 @@ def _finish(recordings: Recordings) -> None:
         recordings.wait()
 
 
-def _watch(now: Callable[[], tuple[Link, Server] | None], end: float, bridge: Failure | None = None) -> None:
+def _watch(now: Callable[[], tuple[Link, Server] | None], seconds: float | None, bridge: Failure | None = None) -> None:
     """Print what changes. ``now``: what is served at that moment.
 
     :raises WirebondError: the bridge to ROS 2 has failed. Topics that stopped would look like a silent robot, so the
@@ -150,7 +148,7 @@ def _watch(now: Callable[[], tuple[Link, Server] | None], end: float, bridge: Fa
     known: Link | None = None
     is_other = False  # not the one that the command line named
     was_away, holder, clients, stopped_by = False, None, 0, None
-    while (left := end - time.monotonic()) > 0:
+    for left in time_left(seconds):
         if bridge is not None and bridge.why:
             raise WirebondError(f"the bridge to ROS 2 ends, and the server with it: {bridge.why}")
         found = now()
