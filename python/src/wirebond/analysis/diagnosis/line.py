@@ -26,7 +26,6 @@ _FEW_FRAMES = 0.2  # part of the bytes in frames, below which settings of the li
 _SILENT = 2.0  # seconds
 _LEAST = 3  # times that something must be seen
 _EXPLAINED_BYTES = 512  # of refused frames that `explain` looks at
-_EXPLAINED = 4  # of them for which it tries everything
 _MOST_RUNS = 20
 _FULL_READS = (512, 64, 62)  # bytes that USB adapters hand over at once, the largest first
 _OF_PEER = {
@@ -257,7 +256,7 @@ def _other_format(codec: Codec, received: list[DumpEntry], peer: End) -> Diagnos
     """The peer computes its check, or builds its frames, in another way: one change to the file fits the refused frames
     together."""
     refused = b"".join(_runs(received))[:_EXPLAINED_BYTES]
-    together = explain(codec.model, refused, peer, searches=_EXPLAINED).together
+    together = explain(codec.model, refused, peer, quick=True).together
     if not together or together[0].changes not in _OF_PEER or together[0].fits < max(_LEAST, 0.6 * together[0].of):
         return None
     best = together[0]

@@ -11,7 +11,6 @@ from wirebond.analysis.explain.guesses.format import MOST_LONGER
 from wirebond.analysis.explain.guesses.guess import Case, constants_as_found, look
 from wirebond.analysis.explain.layout import id_index, id_text
 from wirebond.analysis.explain.nearest import (
-    MOST_SEARCHES,
     Search,
     join,
     repaired,
@@ -41,15 +40,17 @@ def explain(
     data: bytes,
     sender: str | None = None,
     peers: Sequence[Protocol] = (),
-    searches: int = MOST_SEARCHES,
+    *,
+    quick: bool = False,
 ) -> Explanation:
     """Name every byte of ``data``, as if nothing followed.
 
-    Some seconds at most for each of the first ``searches`` refused stretches; pure, any thread.
+    Some seconds at most for each of the first eight refused stretches; pure, any thread.
 
     :param sender: whose bytes these are, ``"mcu"`` or ``"host"``; None: of either end.
     :param peers: other protocols, of which the bytes may be frames.
-    :param searches: refused stretches for which everything is tried; on the others, only what fits several of those.
+    :param quick: everything is tried on four stretches instead of eight, and of the checks that no catalogue lists
+        only those that take no time to work out. For a look at a link that runs.
     :raises UsageError: another sender, or more bytes than can be explained at once.
     """
     if sender not in (None, End.MCU, End.HOST):
@@ -62,7 +63,7 @@ def explain(
             "`wirebond decode`, and give the bytes around one place"
         )
     found = scan(protocol, data, end)
-    stretches = _Stretches(protocol, data, end, tuple(peers), found, searches).all()
+    stretches = _Stretches(protocol, data, end, tuple(peers), found, quick=quick).all()
     name = None if end is None else end.value
     return Explanation(protocol.name, name, stretches, _by_name(found.discarded), _by_name(found.rejected))
 
@@ -93,14 +94,15 @@ class _Stretches:
         sender: End | None,
         peers: tuple[Protocol, ...],
         found: Scan,
-        searches: int,
+        *,
+        quick: bool,
     ) -> None:
         self._protocol = protocol
         self._data = data
         self._sender = sender
         self._peers = peers
         self._scan = found
-        self._most_searches = searches
+        self._quick = quick
 
     def all(self) -> tuple[Stretch, ...]:
         stretches = [self._frame(found) for found in self._scan.frames]
@@ -230,7 +232,7 @@ class _Stretches:
                 searches[index] = search_unstuffed(case)
             elif run.candidate is not None or len(case.block) >= self._least:
                 asked.append(index)
-        found = search_all([cases[index] for index in asked], Stream(self._data, self._scan), self._most_searches)
+        found = search_all([cases[index] for index in asked], Stream(self._data, self._scan), quick=self._quick)
         for index, search in zip(asked, found, strict=True):
             searches[index] = search
         if asked and self._protocol.format.delimiter is not None and not self._scan.frames:

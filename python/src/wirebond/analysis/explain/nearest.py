@@ -32,7 +32,8 @@ from wirebond.analysis.explain.together import ALONE, Stream, Together, chance_o
 from wirebond.analysis.explain.verdict import Outcome, Question, Verdict
 from wirebond.protocol.model import PartKind
 
-MOST_SEARCHES = 8  # refused stretches for which everything is tried
+_MOST_SEARCHES = 8  # refused stretches for which everything is tried
+_QUICK_SEARCHES = LEAST_SAMPLES
 MOST_GUESSES = 2
 LEAST_PLAUSIBLE = 0.3
 _MOST_JUDGED = 48  # guesses that are tried on all the bytes
@@ -52,7 +53,7 @@ class _Family:
     beside: float | None = None
 
 
-_FAMILIES = (  # if two fit equally well, the first in this list is told first
+_FAMILIES = (  # if two fit equally well, the first in this list is shown first
     _Family(0.30, format.other_protocols),
     _Family(0.25, format.unknown_message, Changes.NOTHING),
     _Family(0.25, format.unlisted_seed, Changes.NOTHING),
@@ -91,16 +92,18 @@ class Search:
     complete: bool
 
 
-def search_all(cases: Sequence[Case], stream: Stream, most: int) -> list[Search]:
-    """Try everything on the first ``most`` refused candidates, and on the others what fits several of those. Some
-    seconds at most for each, whatever the bytes; the same each time.
+def search_all(cases: Sequence[Case], stream: Stream, *, quick: bool) -> list[Search]:
+    """Try everything on the first refused candidates, and what fits several of them on the others.
+
+    Some seconds at most for each, whatever the bytes; the same each time.
 
     :param stream: all the bytes.
     """
+    most = _QUICK_SEARCHES if quick else _MOST_SEARCHES
     hunts = [_Hunt(case) for case in cases[:most]]
     for hunt in hunts:
         hunt.run_all(_FAMILIES, _WITH_OTHER_CONSTANTS)
-    _solve(hunts)
+    _solve(hunts, thorough=not quick)
     judged = _judge(hunts, stream)
     found = [hunt.result(judged) for hunt in hunts]
     shared = {advice for advice, together in judged.items() if together.fits > 1}
@@ -179,13 +182,13 @@ class _Hit:
         return self.guess.key or self.remedy or self.what
 
 
-def _solve(hunts: Sequence[_Hunt]) -> None:
+def _solve(hunts: Sequence[_Hunt], *, thorough: bool) -> None:
     """Work out a check from all the candidates whose check fails, where nothing else fits them all."""
     failing = [hunt for hunt in hunts if hunt.case.failed_check is not None]
     counts = Counter(advice for hunt in failing for advice in {hit.advice for hit in hunt.hits if hit.family.changes})
     if len(failing) < LEAST_SAMPLES or max(counts.values(), default=0) == len(failing):
         return
-    solved = check.solved([hunt.case for hunt in failing])
+    solved = check.solved([hunt.case for hunt in failing], thorough=thorough)
     if solved is not None:
         tried, values = 1 << solved.solution.freedom, 1 << solved.solution.evidence
         for index, guess in solved.guesses.items():

@@ -264,7 +264,7 @@ def all_algorithms_and_ranges(case: Case) -> Guesses:
                 yield _replaced(case, failed, replace(part, first=first, last=last))
 
 
-def solved(cases: Sequence[Case]) -> Solved | None:
+def solved(cases: Sequence[Case], *, thorough: bool) -> Solved | None:
     """The check whose parameters follow from the frames: over the file's own range, or else over a near one.
 
     None where the catalogue's algorithms are all that these frames can tell, as too few of them have such a check.
@@ -281,10 +281,11 @@ def solved(cases: Sequence[Case]) -> Solved | None:
     size = one.part.size // 2 if one.part.as_hex else one.part.size
     orders = [one.part.order] if size == 1 or one.part.as_hex else sorted(ByteOrder, key=lambda o: o != one.part.order)
     ways = [(*way, False) for way in product([own, *_near(cases[index], one)], orders)]
-    for (first, last), order, thorough in (*ways, (own, one.part.order, True)):
+    ways += [(own, one.part.order, True)] * thorough
+    for (first, last), order, takes_seconds in ways:
         covered = [found.covered(cases[i].data, first, last) for i, found in alike.items()]
         samples = [Sample(data, _number(found, order)) for data, found in zip(covered, alike.values(), strict=True)]
-        solution = solve(samples, size, thorough=thorough)
+        solution = solve(samples, size, thorough=takes_seconds)
         if solution is not None:
             part = replace(one.part, algorithm=solution.algorithm, order=order, shift=0, first=first, last=last)
             guesses = {i: _replaced(cases[i], found, part) for i, found in alike.items()}
