@@ -25,6 +25,7 @@ from bench.peers.work import Flat
 
 import wirebond
 from tests.shared import ROOT
+from tests.waiting import moments
 
 pytestmark = pytest.mark.live
 
@@ -63,9 +64,11 @@ def test_no_frame_is_lost_between_threads() -> None:
 
 
 def test_a_busy_line_loses_nothing_in_either_direction() -> None:
-    _, sent, handled, lost = host_cpu.load(seconds=0.5, line_use=0.1)
-    assert lost == 0
-    assert sent > 100 and handled > 50
+    for _ in moments("frames in both directions"):
+        _, sent, handled, lost = host_cpu.load(seconds=0.5, line_use=0.1)
+        assert lost == 0
+        if sent > 100 and handled > 50:
+            break
 
 
 def test_a_link_comes_back_each_time() -> None:
@@ -85,8 +88,11 @@ def test_probes_come_back_on_a_busy_line() -> None:
     program = native.build("loaded_round_trip", round_trip.PROTOCOL)
     processors = os.sched_getaffinity(0)
     for ends in (loaded_round_trip.bare, loaded_round_trip.with_wirebond):
-        trips, _ = ends(program, processors, seconds=0.3)
-        assert len(trips) > 10 and min(trips) > 0.9 * 2 * 45 * 11 / 2e6 * 1e9  # the line's own time both ways
+        for _ in moments("probes"):
+            trips, _ = ends(program, processors, seconds=0.3)
+            if len(trips) > 10:
+                break
+        assert min(trips) > 0.9 * 2 * 45 * 11 / 2e6 * 1e9  # the line's own time both ways
 
 
 def test_work_per_byte_is_bounded_for_the_worst_input() -> None:

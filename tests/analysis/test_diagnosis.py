@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import itertools
 import json
+import math
 import random
 from dataclasses import replace
 from functools import partial
@@ -322,8 +323,8 @@ def test_the_table_of_monitor_shows_the_current_diagnosis(monkeypatch: pytest.Mo
         "wirebond.cli.commands.live.console", Console(file=screen, force_terminal=True, width=100, height=50)
     )
     monkeypatch.setattr("wirebond.cli.commands.live.open_link", partial(open_and_hear, port, noise))
-    monkeypatch.setattr("wirebond.analysis.diagnosis.live._EVERY", 0.05)
-    assert main(["monitor", str(PROTOCOLS / "diffdrive.yaml"), port.path, "--seconds", "0.8"]) == 0
+    ctrl_c_after(3, monkeypatch)
+    assert main(["monitor", str(PROTOCOLS / "diffdrive.yaml"), port.path]) == 0
     port.close()
     first, *_, last = screen.getvalue().split("Ctrl-C ends")[:-1]
     assert "diagnosis" not in first
@@ -378,14 +379,30 @@ def test_monitor_tells_live_as_json_what_is_wrong(
     port = PtyPort()
     noise = b"".join(frames_of(of, source, 20)) + source.randbytes(500)
     monkeypatch.setattr("wirebond.cli.commands.live.open_link", partial(open_and_hear, port, noise))
-    monkeypatch.setattr("wirebond.analysis.diagnosis.live._EVERY", 0.05)
-    assert main(["monitor", str(PROTOCOLS / "diffdrive.yaml"), port.path, "--seconds", "1", "--json"]) == 0
+    ctrl_c_after(3, monkeypatch)
+    assert main(["monitor", str(PROTOCOLS / "diffdrive.yaml"), port.path, "--json"]) == 0
     port.close()
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     (event,) = [line for line in lines if "event" in line]  # told once, as nothing changes
     assert event["event"] == "diagnosis"
     assert [one["kind"] for one in event["found"]] == ["unknown"]
     assert "I do not know why" in event["found"][0]["sentence"]
+
+
+def ctrl_c_after(looks: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The command ends when it has shown the result of this many looks at the line, however long they take."""
+    shown = [0]
+    found = LiveDiagnosis.found
+
+    def counted(watch: LiveDiagnosis) -> list[Diagnosis]:
+        if shown[0] == looks:
+            raise KeyboardInterrupt
+        shown[0] += watch._looked is not None
+        return found(watch)
+
+    monkeypatch.setattr(LiveDiagnosis, "found", counted)
+    monkeypatch.setattr("wirebond.analysis.diagnosis.live._EVERY", 0.0)
+    monkeypatch.setattr("wirebond.analysis.diagnosis.live._RECENT", math.inf)
 
 
 def open_and_hear(port: PtyPort, data: bytes, *arguments: Any, **options: Any) -> wirebond.Link:

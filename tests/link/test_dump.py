@@ -14,7 +14,7 @@ import pytest
 import wirebond
 from tests.shared import PROTOCOLS, codec
 from tests.streams import chunks, hard_stream, random_frame
-from tests.waiting import PATIENCE
+from tests.waiting import PATIENCE, wait_until
 from wirebond import Codec, Dump, _engine
 from wirebond.cli.main import main
 from wirebond.link.dump import Piece
@@ -180,6 +180,7 @@ def test_the_command_and_monitor_write_it(
     def open_and_hear(*arguments: Any, **options: Any) -> wirebond.Link:
         link = opened(*arguments, **options)
         pty.write(b"\x01\x02" + status)
+        wait_until(lambda: link.stats.receive.bytes == 2 + len(status), "all bytes")
         return link
 
     monkeypatch.setattr("wirebond.cli.commands.dump.open_link", open_and_hear)
