@@ -1,4 +1,4 @@
-"""Messages that the file does not list, where nothing lets them be delivered as unknown: they are told, not noise."""
+"""Messages that the file does not list, where nothing lets them be delivered as unknown: reported, and no noise."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def test_between_silences_they_are_told_too_and_keep_the_link_up() -> None:
     with closing(PtyPort()) as port, wirebond.open(codec, port.path) as link:
         link.receive(0.05)
         port.write(peer.encode("attitude", a=bytes(22)))
-        wait_until(lambda: link.stats.receive.unlisted_frames == 1, "the frame is told")
+        wait_until(lambda: link.stats.receive.unlisted_frames == 1, "the frame is counted")
         for _ in moments("it is up"):
             if link.state == "up":
                 break

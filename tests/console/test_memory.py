@@ -41,7 +41,7 @@ class Look:
 
 @contextmanager
 def served(folder: Path, seconds: float, rate: int) -> Iterator[tuple[int, str]]:
-    """The process of ``wirebond serve --web`` over a line with so many messages a second, and its address."""
+    """The process of ``wirebond serve --web`` over a line with ``rate`` messages a second, and its address."""
     file = folder / "console_bench.yaml"
     file.write_text(PROTOCOL)
     wirebond = str(Path(sys.executable).with_name("wirebond"))

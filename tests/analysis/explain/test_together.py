@@ -1,4 +1,4 @@
-"""Frames are judged together: a change to the file that fits all of them is told first, and chance is no advice."""
+"""Frames are judged together: a change to the file that fits all of them comes first, and chance is no advice."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ messages:
   a0: {{id: 0xA0, sender: mcu, fields: {{data: {{type: bytes, size: 5}}}}}}
   a8: {{id: 0x80, sender: mcu, fields: {{data: {{type: bytes, size: 5}}}}}}
 """
-# Captured from a remote control that nobody had documented; the check is the xor of all bytes before it.
+# Captured from an undocumented remote control; the check is the xor of all bytes before it.
 REMOTE = bytes.fromhex(
     "A000000082FEDC A000000084FEDA A0000000FE99C7 A0000000FEFAA4 80000000FFB8C7"
     "A0000000A3FAF9 80000000B9754C A0000000A10001 80000000FFB4CB 8000000083B4B7"

@@ -137,7 +137,7 @@ class Viewer:
             self._out.append(batch)
 
     def _feed(self, plot: Plot) -> PlotFeed:
-        """Of the fields that there are; the others are told."""
+        """Of the fields that there are; the others are named."""
         source = self._source()
         known = []
         for name in plot.fields:

@@ -94,7 +94,7 @@ class Client(asyncio.Protocol):
             self.lost = 0
 
     def answer(self, number: int, value: dict[str, Any]) -> None:
-        """To its request with this number. A refusal is told in Chinese, too."""
+        """To its request with this number. A refusal is in Chinese, too."""
         told = with_chinese(value, "text") if "error" in value else value
         self.write(words.json_message({"re": number, **told}))
 

@@ -17,7 +17,7 @@ _LEAST_SHARE = 0.12  # of the frames must have it
 _DEEPEST = {4: 28, 3: 12, 2: 12, 1: 12}  # bytes at the front of a frame that a check of this size may leave out
 _MOST_BYTES = 6_000_000  # that are looked at
 _FIXED_COST_BYTES = 100  # of one computation, beside its bytes
-_CHANCE = 1e-6  # that a guess fits so many frames by accident
+_CHANCE = 1e-6  # that a guess fits this many frames by accident
 _MOST_HEADERS = 0.7  # of the headers must have a check of their own
 _LEAST_UNLIKE = 4  # contents that a check in the header must cover, and values that any check must have
 

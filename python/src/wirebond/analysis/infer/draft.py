@@ -292,8 +292,8 @@ class _Writer:
     def _doubts(self, id_at: int | None, lines: Sequence[_Line]) -> None:
         if self.check is None:
             self.uncertain.append(
-                "no check of the catalogue fits; frames are told by their start and size alone, or the check has a "
-                "part that no capture shows."
+                "no check of the catalogue fits; frames are recognised by their start and size alone, or the check "
+                "has a part that no capture shows."
             )
         if id_at is None:
             self.uncertain.append("no byte looks like an id, so all frames are one message.")

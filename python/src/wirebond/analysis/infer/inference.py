@@ -1,4 +1,4 @@
-"""The search for a format: every promising cut with its check is a protocol file; that with most evidence is told."""
+"""The search for a format: every promising cut with its check is a protocol file; the one with most evidence wins."""
 
 from __future__ import annotations
 

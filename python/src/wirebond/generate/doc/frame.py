@@ -53,7 +53,7 @@ def frame_chapter(protocol: Protocol) -> list[str]:
 
 
 def _rows(protocol: Protocol) -> list[tuple[str, ...]]:
-    """Offsets are told as far as all parts before are always there."""
+    """Offsets are given as far as all parts before are always there."""
     parts = protocol.format.parts
     payload = next(i for i, part in enumerate(parts) if part.kind == PartKind.PAYLOAD)
     size = parts[payload].fixed_payload if parts[payload].payload == PayloadRule.FIXED else None

@@ -108,7 +108,7 @@ def _fields(protocol: Protocol, message: Message) -> list[str]:
 
 
 def _rows(fields: tuple[Field, ...], at: int | None, level: int) -> tuple[list[tuple[str, ...]], int | None]:
-    """A row for each field and for those within it. Offsets are told as long as nothing before varies in size; within
+    """A row for each field and for those within it. Offsets are given as long as nothing before varies in size; within
     what repeats they count from its first element. Also the offset behind the last field."""
     rows: list[tuple[str, ...]] = []
     for field in fields:

@@ -25,8 +25,8 @@ class Marks:
         self._add({"t": t, "kind": "mcu_deadline_struck", "action": action, "message": message})
 
     def discarded(self, t: float, direction: str, size: int) -> None:
-        """Bytes were in no frame. Those that are close to the last ones of their direction are told again with them, as
-        a mark of the same time."""
+        """Bytes were in no frame. Those close to the last ones of their direction are reported with them: the new mark
+        has the same time and replaces theirs."""
         begun, before = self._last.get(direction, (t, 0))
         if t - begun >= _TOGETHER:
             begun, before = t, 0
