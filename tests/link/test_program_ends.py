@@ -294,7 +294,8 @@ def test_a_garbage_collection_within_a_call_may_call_the_link(port: PtyPort, mor
 
 
 HANDLERS = """
-link = wirebond.open(manipulator(), sys.argv[1])
+from tests.link.protocol import without_deadlines
+link = wirebond.open(without_deadlines(), sys.argv[1])
 @link.on()
 def show(message):
     print(message["x"], flush=True)

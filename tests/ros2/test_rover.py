@@ -486,7 +486,7 @@ def test_square_driven_by_topic_has_the_pose_of_the_body(driving: Peer, robot: r
         return abs(true[2]) > 1.25 and is_near and is_along
 
     for side in range(1, 5):
-        wait_until(drives_a_side, f"side {side} of a square, with a pose that is that of the body")
+        wait_until(drives_a_side, f"side {side} of a square, with a pose that is that of the body", 2 * PATIENCE)
 
 
 def seen_from(start: tuple[float, float, float], end: Any) -> tuple[float, float, float]:
