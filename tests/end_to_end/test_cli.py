@@ -294,14 +294,20 @@ def commands(data: bytes) -> list[dict[str, object]]:
     return [m.fields for m in codec("native").decoder("host").feed(data) if m.name == "command"]
 
 
+def first_command(port: PtyPort) -> bytes:
+    """What comes until a command has come: Ctrl-C ends the sending from then on, and not the opening."""
+    data = b""
+    while not commands(data):
+        data += first_bytes(port)
+    return data
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signals_end_a_repeated_send_with_the_emergency_stop(number: signal.Signals) -> None:
     pty = PtyPort()
     command = [*COMMAND, "send", NATIVE, pty.path, "command", "speed=1", "mode=manual", "--rate", "50"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        data = first_bytes(pty)
-        while not commands(data):
-            data += first_bytes(pty)
+        data = first_command(pty)
         process.send_signal(number)
         data += rest_of(process, pty)
         assert process.returncode == 0
@@ -360,7 +366,7 @@ def test_a_signal_ends_the_send_at_a_rate_that_no_line_carries(number: signal.Si
     pty = PtyPort()
     command = [*COMMAND, "send", NATIVE, pty.path, "command", "speed=1", "mode=manual", "--rate", "10000"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        data = first_bytes(pty)
+        data = first_command(pty)
         let_pass(1.5)
         process.send_signal(number)
         data += rest_of(process, pty)
@@ -472,7 +478,7 @@ def test_a_repeated_send_whose_port_goes_away_says_that_it_could_not_stop(tmp_pa
     name.symlink_to(pty.path)
     words = ["command", "speed=1", "mode=manual", "--rate", "50"]
     with subprocess.Popen([*COMMAND, "send", NATIVE, str(name), *words], stderr=subprocess.PIPE) as process:
-        first_bytes(pty)
+        first_command(pty)
         port = pty.path
         name.unlink()
         pty.close()

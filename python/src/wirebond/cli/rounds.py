@@ -6,6 +6,8 @@ import math
 import time
 from collections.abc import Iterator
 
+_ROUNDING = 1e-6  # seconds
+
 
 def time_left(seconds: float | None) -> Iterator[float]:
     """Rounds of the loop, each with the seconds that are left; None: without end.
@@ -16,3 +18,16 @@ def time_left(seconds: float | None) -> Iterator[float]:
     while (left := end - time.monotonic()) > 0:
         yield left
     yield 0.0
+
+
+def paced(rate: float, seconds: float | None) -> Iterator[None]:
+    """Rounds of the loop, ``rate`` of them a second, the first one at once: 20 a second for half a second are ten.
+
+    After a stall it goes on from there, without the rounds that it missed.
+    """
+    due = time.monotonic()
+    end = math.inf if seconds is None else due + seconds
+    while end - due > _ROUNDING:
+        time.sleep(max(0.0, due - time.monotonic()))
+        yield
+        due = max(due + 1 / rate, time.monotonic())

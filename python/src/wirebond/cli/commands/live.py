@@ -20,7 +20,7 @@ from wirebond.cli.commands.dump import save
 from wirebond.cli.commands.files import find_message
 from wirebond.cli.dashboard import Dashboard
 from wirebond.cli.output import ReaderGone, console, errors, plain, warn, write
-from wirebond.cli.rounds import time_left
+from wirebond.cli.rounds import paced, time_left
 from wirebond.cli.shown import log_text, print_message, rates_line, stats_line, title_of, values_text
 from wirebond.cli.signals import ended_by_signals
 from wirebond.cli.values import parse_addresses, parse_assignments, parse_header, to_json
@@ -283,17 +283,13 @@ def _send_repeatedly(
 ) -> int:
     sent = missed = 0
     warned = False
-    due = time.monotonic()
-    end = math.inf if seconds is None else due + seconds
     with _ctrl_c_ends():
-        while due < end:
-            time.sleep(max(0.0, due - time.monotonic()))
+        for _ in paced(rate, seconds):  # after a stall: no burst of old commands
             try:
                 link.send(name, values, header=header)
                 sent += 1
             except (LinkDownError, QueueFullError):
                 missed += 1  # the port may come back, the line may catch up: go on
-            due = max(due + 1 / rate, time.monotonic())  # after a stall: no burst of old commands
             if not warned and link.peer.state != "unknown":
                 warned = True
                 _warn_of_peer(link, 0.0)
