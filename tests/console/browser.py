@@ -35,8 +35,10 @@ VIEWS = ("link", "messages", "plots", "control", "tuning", "recordings", "protoc
 
 # A page gives its control up after a second in which it hears nothing. With this a second of its is a minute.
 _PATIENT = """
-const [now, began] = [performance.now.bind(performance), performance.now()]
-performance.now = () => began + (now() - began) / 60
+const now = performance.now.bind(performance)
+let [since, shown, pace] = [now(), now(), 1 / 60]
+performance.now = () => shown + (now() - since) * pace
+globalThis.setPace = (next) => { [since, shown, pace] = [now(), performance.now(), next] }
 """
 
 # The robot says when each velocity came, on a clock that all processes of this computer share.
@@ -206,22 +208,29 @@ def open_page(
     view: str = "link",
     problems: list[str] | None = None,
     address: str = "",
-    has_real_time: bool = False,
     **options: Any,
 ) -> Page:
     """A tab of a browser's profile of its own. ``problems`` gets what it writes as errors. ``address``: of another way
-    to the console. It is as patient as the servers, unless it measures and ``has_real_time``."""
+    to the console. It is as patient as the servers, but in `real_time`."""
     context = browser.new_context(
         **{"viewport": {"width": 1280, "height": 720}, "locale": "en-US", "color_scheme": "light", **options}
     )
     context.set_default_timeout(PATIENCE * 1000)
     page = context.new_page()
-    if are_patient() and not has_real_time:
+    if are_patient():
         page.add_init_script(_PATIENT)
     if problems is not None:
         page.on("pageerror", lambda error: problems.append(error.stack or str(error)))
     page.goto(address_of(console, view, address))
     return page
+
+
+@contextmanager
+def real_time(page: Page) -> Iterator[None]:
+    """What the page measures on its own clock takes as long as it does, and it is as impatient as it really is."""
+    page.evaluate("globalThis.setPace?.(1)")
+    yield
+    page.evaluate("globalThis.setPace?.(1 / 60)")
 
 
 def address_of(console: Console, view: str, address: str = "") -> str:

@@ -16,7 +16,7 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, TimeoutError, expect
 
 import wirebond
-from tests.console.browser import Robot, open_page, take_control
+from tests.console.browser import Robot, open_page, real_time, take_control
 from tests.shared import PROTOCOLS, ROOT, codec
 from tests.suspended import Suspended
 from tests.waiting import PATIENCE, moments, wait_until
@@ -94,7 +94,7 @@ def shown(port: str | Path, protocol: str, folder: Path, browser: Browser) -> It
         Console(port=0) as console,
     ):
         console.show(link, server)
-        page = open_page(browser, console, "tuning", problems, has_real_time=True)
+        page = open_page(browser, console, "tuning", problems)
         yield link, page
         page.context.close()
     assert problems == []
@@ -171,7 +171,8 @@ def test_an_axis_is_tuned_by_the_parameter_service_and_a_step_says_what_it_does(
         expect(row).to_contain_text("refused: out_of_range")
         axis.has("acceleration", 2)
 
-        found = step(axis, to=0.4)
+        with real_time(page):
+            found = step(axis, to=0.4)
         assert found.rise == pytest.approx(0.8 * 0.4 / 2, abs=0.02)  # the ramp that was set
         assert axis.figure("Rise time") / 1000 == pytest.approx(found.rise, abs=0.02)
         assert axis.figure("Settling time") / 1000 > found.settling - 0.08  # and the way of the command to the robot
