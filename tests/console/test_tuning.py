@@ -287,7 +287,7 @@ def step(axis: Bench, to: float) -> Response:
     reason = axis.page.get_by_text("take control first")
     panel = axis.page.locator(".panel", has=run)
     seen: list[str] = []
-    for _ in moments(lambda: f"a step that is whole; seen: {seen[-3:]}", 2 * PATIENCE):
+    for _ in moments(lambda: f"a step that is whole; {len(seen)} attempts, the last: {seen[-3:]}", 3 * PATIENCE):
         expect(run.or_(reason).first).to_be_visible()
         if reason.is_visible():  # the page says beside the button why it cannot be pressed
             take_control(axis.page)
