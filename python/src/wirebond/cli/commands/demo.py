@@ -7,11 +7,11 @@ import time
 from collections import deque
 from dataclasses import dataclass
 
-from rich.live import Live
 from rich.markup import escape
 
 from wirebond.cli.dashboard import Dashboard
 from wirebond.cli.output import console
+from wirebond.cli.picture import picture
 from wirebond.cli.shown import stats_line, values_text
 from wirebond.cli.signals import ended_by_signals
 from wirebond.codec import Message, load
@@ -111,14 +111,14 @@ def _drive(link: Link, process: rover.RoverProcess, end: float) -> None:
     driver = Driver(link, process)
     events: deque[str] = deque(maxlen=_LAST_EVENTS)
     last_line = 0.0
-    with Live(console=console, auto_refresh=False) as live:
+    with picture(console) as draw:
         while (now := time.monotonic()) < end:
             driver.step(now)
             messages = link.receive(min(_REFRESH, end - now))
             dashboard.update(messages)
             events.extend(process.events())
             if console.is_terminal:
-                live.update(dashboard.render(_note(driver, events)), refresh=True)
+                draw(dashboard.render(_note(driver, events)))
             elif now - last_line >= 1.0:  # into a file or a pipe: a line a second
                 last_line = now
                 console.print(_plain_line(driver, link, messages, events), soft_wrap=True)

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rich.live import Live
 from rich.markup import escape
 from rich.text import Text
 
@@ -20,6 +19,7 @@ from wirebond.cli.commands.dump import save
 from wirebond.cli.commands.files import find_message
 from wirebond.cli.dashboard import Dashboard
 from wirebond.cli.output import ReaderGone, console, errors, plain, warn, write
+from wirebond.cli.picture import picture
 from wirebond.cli.rounds import paced, time_left
 from wirebond.cli.shown import log_text, print_message, rates_line, stats_line, title_of, values_text
 from wirebond.cli.signals import ended_by_signals
@@ -170,11 +170,11 @@ def one_line(message: Message, codec: Codec) -> Text:
 def _show_dashboard(link: Link, title: str, seconds: float | None) -> None:
     dashboard = Dashboard(link, title)
     watch = LiveDiagnosis(link)
-    with Live(dashboard.render(), console=console, auto_refresh=False) as live:
+    with picture(console, dashboard.render()) as draw:
         for left in time_left(seconds):
             is_over = _is_over(link)
             dashboard.update(found := list(link.receive(min(_REFRESH, left))))
-            live.update(dashboard.render(wrong=watch.found()), refresh=True)
+            draw(dashboard.render(wrong=watch.found()))
             if is_over and not found:
                 return
 
