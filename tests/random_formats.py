@@ -169,6 +169,9 @@ class _FormatSource:
                 closing = "delimiter: 0x0D 0x0A"
             self._looks_again = bool(opening) and opening[0] != closing
             group = f"hex: {inner}"
+            digits = random.Random(f"digit {inner}")  # of its own, so that other formats stay as they are
+            if front == back == 0 and digits.random() < 0.5:  # no check beside them covers a part of them
+                group = f"{{hex: [{{constant: 0x{digits.randrange(16):02X}, name: digit}}, {inner[1:]}, first: digit}}"
         elif self._framing == "doubled":
             self._looks_again = True
             first, one, other = (f"0x{byte:02X}" for byte in self._random.sample(range(256), 3))

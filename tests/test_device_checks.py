@@ -33,6 +33,8 @@ FRAMES: list[tuple[str, str, str, str, dict[str, Any], dict[str, int]]] = [
     ),
     ("sabertooth", "host", "82 00 40 42", "drive", {"speed": 64}, {"id": 0, "address": 130}),
     ("pololu", "host", "83 01 17", "exit_safe_start", {}, {}),
+    ("vedirect_hex", "mcu", b":A0002000148\n".hex(), "update", {"register": 512, "flags": 0, "value": 1}, {}),
+    ("vedirect_hex", "mcu", b":51641F9\n".hex(), "pong", {"version": 16662}, {}),
 ]  # fmt: skip
 
 

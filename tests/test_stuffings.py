@@ -189,6 +189,14 @@ TAIL = "messages:\n  m: {id: 0x10, sender: host, fields: {x: {type: u8}}}\n"
     [
         ("[delimiter: 0x41, hex: [id: u8, payload: rest], delimiter: 0x0A]", "this delimiter is a hex digit"),
         (
+            "[delimiter: 0x3A, {hex: [id: u16, payload: rest], first: digit}, delimiter: 0x0A]",
+            "this byte is sent as one digit, so it is below 16 in every frame",
+        ),
+        (
+            "[delimiter: 0x3A, {hex: [constant: 0x10, id: u8, payload: rest], first: digit}, delimiter: 0x0A]",
+            "this byte is sent as one digit, so it is below 16 in every frame",
+        ),
+        (
             "[delimiter: 0x10, doubled: [id: u8, payload: rest], delimiter: 0x10 0x03]",
             "the frame of `m` would begin with 0x10 behind the delimiter 0x10",
         ),

@@ -32,6 +32,7 @@ constexpr std::pair<const char*, Stuffing> stuffings[] = {{"none", Stuffing::non
                                                           {"cobs", Stuffing::cobs},
                                                           {"escape", Stuffing::escape},
                                                           {"hex", Stuffing::hex},
+                                                          {"hex_after_digit", Stuffing::hex_after_digit},
                                                           {"insertion", Stuffing::insertion}};
 
 Position read_position(nb::handle position) {

@@ -28,6 +28,9 @@ def unstuffed(protocol: Protocol, block: bytes) -> bytes | None:
     escapes = protocol.format.escapes
     if protocol.format.stuffing == Stuffing.HEX:
         content = bytes.fromhex(middle.decode()) if re.fullmatch(rb"([0-9A-Fa-f]{2})*", middle) else None
+    elif protocol.format.stuffing == Stuffing.HEX_AFTER_DIGIT:
+        digits = re.fullmatch(rb"[0-9A-Fa-f]([0-9A-Fa-f]{2})*", middle)
+        content = bytes.fromhex("0" + middle.decode()) if digits else None if middle else b""
     else:
         content = unescape(escapes, middle) if escapes is not None else uncobs(middle)
     return None if content is None else block[:front] + content + block[len(block) - back :]

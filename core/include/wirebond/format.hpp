@@ -169,9 +169,14 @@ enum class Stuffing : std::uint8_t {
   none,
   cobs,
   escape,
-  hex,        ///< each byte is sent as two hex digits
-  insertion,  ///< a byte is inserted after each occurrence of a certain sequence
+  hex,              ///< each byte is sent as two hex digits
+  insertion,        ///< a byte is inserted after each occurrence of a certain sequence
+  hex_after_digit,  ///< as hex, but the first byte, which is below 16, is sent as one digit
 };
+
+WIREBOND_INLINE constexpr bool is_hex(Stuffing stuffing) {
+  return stuffing == Stuffing::hex || stuffing == Stuffing::hex_after_digit;
+}
 
 /// A forbidden byte is sent as `escape` and a code: its value xor `exclusive_or` or, if that is 0, the code beside it
 /// in the table (SLIP). A receiver with `exclusive_or` takes any escaped byte (HDLC). If the escape is the first byte
@@ -274,7 +279,8 @@ WIREBOND_INLINE constexpr std::size_t stuffing_overhead(const FormatRules& forma
   switch (format.stuffing) {
     case Stuffing::cobs: return cobs_overhead(size);
     case Stuffing::escape:
-    case Stuffing::hex: return size;
+    case Stuffing::hex:
+    case Stuffing::hex_after_digit: return size;
     case Stuffing::insertion: return size / format.insertion.size;
     case Stuffing::none: break;
   }

@@ -121,7 +121,7 @@ WIREBOND_INLINE std::size_t waiting_size(const FormatRules& format, const std::u
     return static_cast<std::size_t>(load_bytes(buffer + room - 2, 2, ByteOrder::little));
   const std::size_t size = room - delimiter_bytes(format);
   if (format.stuffing == Stuffing::none) return size;
-  if (format.stuffing == Stuffing::hex) return size / 2;
+  if (is_hex(format.stuffing)) return size / 2;
   if (format.stuffing == Stuffing::insertion) return size - size / (format.insertion.size + 1u);
   return size - 1 - (size - 1) / 255;  // COBS: 1 + size / 254 more
 }

@@ -136,6 +136,25 @@ inline std::ptrdiff_t unhex(const std::uint8_t* from, std::size_t size, std::uin
   return static_cast<std::ptrdiff_t>(size / 2);
 }
 
+/// The same for a first byte of one digit.
+inline std::size_t hex_after_digit_in_place(std::uint8_t* buffer, std::size_t size) {
+  const std::size_t digits = hex_in_place(buffer, size);
+  if (digits == 0) return 0;
+  std::memmove(buffer, buffer + 1, digits - 1);
+  return digits - 1;
+}
+
+/// Undo `hex_after_digit_in_place`, as `unhex` does.
+inline std::ptrdiff_t unhex_after_digit(const std::uint8_t* from, std::size_t size, std::uint8_t* to,
+                                        std::size_t capacity) {
+  if (size == 0) return 0;
+  const int digit = hex_digit(from[0]);
+  if (digit < 0 || capacity == 0) return -1;
+  to[0] = static_cast<std::uint8_t>(digit);
+  const std::ptrdiff_t rest = unhex(from + 1, size - 1, to + 1, capacity - 1);
+  return rest < 0 ? -1 : rest + 1;
+}
+
 /// Check whether the `size` bytes at `bytes` end with the rule's sequence.
 inline bool ends_with(const InsertionRule& rule, const std::uint8_t* bytes, std::size_t size) {
   if (size < rule.size) return false;
@@ -189,6 +208,8 @@ WIREBOND_INLINE std::size_t stuff_in_place(const Source& source, std::uint8_t* f
     stuffed = cobs_encode_in_place(begin - code, inner);
   } else if (format.stuffing == Stuffing::hex) {
     stuffed = hex_in_place(begin, inner);
+  } else if (format.stuffing == Stuffing::hex_after_digit) {
+    stuffed = hex_after_digit_in_place(begin, inner);
   } else if (format.stuffing == Stuffing::insertion) {
     stuffed = insert_in_place(detail::insertion_of(source), begin, inner);
   } else {
@@ -211,6 +232,8 @@ WIREBOND_INLINE std::ptrdiff_t unstuff(const Source& source, const std::uint8_t*
   const std::size_t room = detail::of_format<max_wire_bytes<detail::FormatOf<Source>>>(source) - front - back;
   const std::ptrdiff_t result = format.stuffing == Stuffing::cobs  ? cobs_decode(block + front, inner, to + front, room)
                                 : format.stuffing == Stuffing::hex ? unhex(block + front, inner, to + front, room)
+                                : format.stuffing == Stuffing::hex_after_digit
+                                    ? unhex_after_digit(block + front, inner, to + front, room)
                                 : format.stuffing == Stuffing::insertion
                                     ? uninsert(detail::insertion_of(source), block + front, inner, to + front, room)
                                     : unescape(detail::escapes_of(source), block + front, inner, to + front, room);

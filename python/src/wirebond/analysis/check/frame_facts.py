@@ -80,6 +80,8 @@ def wire_bytes(protocol: Protocol, sender: End, payload: int) -> int:
         size = math.ceil(size * (1 + len(frame_format.escapes.pairs) / 256))
     elif frame_format.stuffing == Stuffing.HEX:
         size *= 2
+    elif frame_format.stuffing == Stuffing.HEX_AFTER_DIGIT:
+        size = 2 * size - 1
     if frame_format.ends_by_silence:
         size += math.ceil(protocol.pause_seconds * protocol.link.baud / protocol.link.bits_per_byte)
     return size + len(frame_format.opening or b"") + len(frame_format.delimiter or b"")

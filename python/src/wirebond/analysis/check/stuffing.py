@@ -70,7 +70,7 @@ def _reason(protocol: Protocol) -> str:
 
 
 def _stuffed_zero(frame_format: FrameFormat) -> bytes:
-    if frame_format.stuffing == Stuffing.HEX:
+    if frame_format.stuffing in (Stuffing.HEX, Stuffing.HEX_AFTER_DIGIT):
         return b"00"
     if frame_format.escapes is None:
         return b"\x01"  # COBS: an empty block

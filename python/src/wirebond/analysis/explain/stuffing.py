@@ -145,19 +145,25 @@ def _escape(frame_format: FrameFormat, data: bytes) -> bytes:
     return bytes(out)
 
 
-def _unhex(_: FrameFormat, block: bytes) -> Unstuffed | Impossible:
+def _unhex(frame_format: FrameFormat, block: bytes) -> Unstuffed | Impossible:
     digits = b"0123456789ABCDEFabcdef"
     wrong = next((at for at, byte in enumerate(block) if byte not in digits), None)
     if wrong is not None:
         return Impossible(wrong, f"{block[wrong]:02X} is no hex digit")
-    if len(block) % 2:
+    alone = min(len(block), _digits_alone(frame_format))
+    if (len(block) - alone) % 2:
         return Impossible(len(block), "the second hex digit of the last byte is missing")
-    places = tuple((at, at + 2) for at in range(0, len(block), 2))
-    return Unstuffed(block, bytes.fromhex(block.decode()), places, ())
+    places = [(0, 1)] * alone + [(at, at + 2) for at in range(alone, len(block), 2)]
+    return Unstuffed(block, bytes.fromhex("0" * alone + block.decode()), tuple(places), ())
 
 
-def _hex(_: FrameFormat, data: bytes) -> bytes:
-    return data.hex().upper().encode()
+def _hex(frame_format: FrameFormat, data: bytes) -> bytes:
+    return data.hex().upper().encode()[_digits_alone(frame_format) :]
+
+
+def _digits_alone(frame_format: FrameFormat) -> int:
+    """1 where the first digit is a byte."""
+    return int(frame_format.stuffing == Stuffing.HEX_AFTER_DIGIT)
 
 
 def _uninsert(frame_format: FrameFormat, block: bytes) -> Unstuffed | Impossible:
@@ -193,6 +199,7 @@ _STUFFINGS: dict[Stuffing, _Entry] = {
     Stuffing.COBS: (_uncobs, _cobs),
     Stuffing.ESCAPE: (_unescape, _escape),
     Stuffing.HEX: (_unhex, _hex),
+    Stuffing.HEX_AFTER_DIGIT: (_unhex, _hex),
     Stuffing.INSERTION: (_uninsert, _insert),
 }
 

@@ -143,7 +143,7 @@ def _stuffing_bits(protocol: Protocol, plan: Plan, over: Background) -> float:
         wrong += over.share(starts) if starts else 0.0
     if frame_format.insertion is not None:
         wrong += _missing_insertion(frame_format.insertion, over)
-    if frame_format.stuffing == Stuffing.HEX:
+    if frame_format.stuffing in (Stuffing.HEX, Stuffing.HEX_AFTER_DIGIT):
         wrong = max(wrong, 1 - over.share(list(_HEX_DIGITS)))
     return -math.log2(max(1e-3, 1 - wrong))
 

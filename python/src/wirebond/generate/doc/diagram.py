@@ -11,6 +11,7 @@ _STUFFINGS = {
     Stuffing.COBS: "COBS",
     Stuffing.ESCAPE: "escapes",
     Stuffing.HEX: "hex digits",
+    Stuffing.HEX_AFTER_DIGIT: "hex digits",
     Stuffing.INSERTION: "insertion",
 }
 

@@ -123,6 +123,12 @@ def _stuffing(frame_format: FrameFormat) -> list[str]:
             f"{where} each byte is sent as two hex digits, the high one first, in upper case. {checks} A receiver "
             "takes digits of either case.",
         ]
+    if frame_format.stuffing == Stuffing.HEX_AFTER_DIGIT:
+        return [
+            "",
+            f"{where} each byte is sent as two hex digits, the high one first, in upper case; the first byte is below "
+            f"16, and sent as one digit. {checks} A receiver takes digits of either case.",
+        ]
     if frame_format.insertion is not None:
         after, byte = hex_of(frame_format.insertion.after), frame_format.insertion.byte
         return ["", f"{where} a byte `{byte:02X}` is sent behind each `{after}`. {checks}{_sized(frame_format)}"]

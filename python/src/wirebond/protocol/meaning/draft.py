@@ -70,6 +70,13 @@ class Draft:
         return (self.envelope.delimiter or b"") if self.envelope.opens_alone else b""
 
     @property
+    def one_digit(self) -> int | None:
+        """The part whose first byte is sent as one hex digit."""
+        if self.envelope.stuffing != Stuffing.HEX_AFTER_DIGIT:
+            return None
+        return [part.is_plain for part in self.parts].index(False)
+
+    @property
     def payload_index(self) -> int:
         return next(i for i, part in enumerate(self.parts) if part.kind == PartKind.PAYLOAD)
 
@@ -80,7 +87,8 @@ class Draft:
     @property
     def id_bits(self) -> int:
         """Bits of the id, of the widest where several forms of the frame have one; 0 where none has."""
-        wholes = [8 * part.size for part in self.parts if part.kind == PartKind.ID]
+        digit = self.one_digit
+        wholes = [4 if at == digit else 8 * part.size for at, part in enumerate(self.parts) if part.kind == PartKind.ID]
         runs = [run.width for part in self.parts for run in part.bits if run.role == BitRole.ID]
         return max((*wholes, *runs), default=0)
 

@@ -143,7 +143,7 @@ class _Delimited:
             return Stuffing.ESCAPE, self._doubled()
         if isinstance(syntax, HexPart):
             self._validate_digits()
-            return Stuffing.HEX, None
+            return Stuffing.HEX if syntax.first is None else Stuffing.HEX_AFTER_DIGIT, None
         if isinstance(syntax, InsertedPart):
             self._wrong(
                 self._place,

@@ -489,6 +489,7 @@ class _FrameReader:
         self._validate_unstuffed_constants(draft)
         self._validate_sized(draft)
         self._validate_first(draft)
+        self._validate_digit(draft)
         length = draft.length_part
         if length is None:
             return
@@ -565,6 +566,20 @@ class _FrameReader:
             draft.places[0],
             f"a delimiter of one byte opens this frame, so its first byte must never be {bytes_text(taken[:1])} or "
             f"{bytes_text(taken[1:])}; let it begin with its id or a constant that is neither",
+        )
+
+    def _validate_digit(self, draft: Draft) -> None:
+        """A byte that is sent as one digit is below 16. The ids are compared where the messages are known."""
+        if draft.one_digit is None:
+            return
+        first = draft.parts[draft.one_digit]
+        is_id = first.kind == PartKind.ID and first.size == 1
+        if first.condition is None and (is_id or (first.kind == PartKind.CONSTANT and first.value[0] < 16)):
+            return
+        self._wrong(
+            draft.places[draft.one_digit],
+            "this byte is sent as one digit, so it is below 16 in every frame; let the parts begin with `id: u8`, or "
+            "with a constant of 0x00 to 0x0F",
         )
 
     def _validate_seeds(self, draft: Draft) -> None:

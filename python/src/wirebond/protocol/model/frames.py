@@ -237,6 +237,7 @@ class Stuffing(StrEnum):
     COBS = "cobs"
     ESCAPE = "escape"  # by an escape byte: see ``Escapes``
     HEX = "hex"  # each byte as two hex digits
+    HEX_AFTER_DIGIT = "hex_after_digit"  # the same, but the first byte as one digit: it is below 16
     INSERTION = "insertion"  # a byte behind each place where a sequence stands: see ``Insertion``
 
 

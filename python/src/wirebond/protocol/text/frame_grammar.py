@@ -493,6 +493,9 @@ class HexPart(Syntax):
         description="The parts between the delimiters, each byte sent as two hex digits, the high one first.",
         examples=["[id: u8, payload: rest, check: sum8-negated]"],
     )
+    first: Annotated[str | None, one_word("digit")] = Field(
+        None, description="The first byte is below 16, and sent as one digit.", examples=["digit"]
+    )
 
 
 class Inserted(Syntax):
