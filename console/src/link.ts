@@ -135,16 +135,23 @@ export class AttachLink {
   /** What a person decided. If the server or the network stalled and it came too late, it is sent once more with a new
    *  tick, on the same connection, and only if `isMeant` still says so. */
   async decide(what: Decision, keys: Record<string, unknown>, isMeant: () => boolean): Promise<unknown> {
-    const losses = this.losses;
     try {
-      return await this.ask(what, keys).catch(async (error: unknown) => {
-        if (!isLate(error)) throw error;
-        await this.nextTick();
-        if (losses !== this.losses || !isMeant()) throw error;
-        return this.ask(what, keys);
-      });
+      return await this.onceMore(() => this.ask(what, keys), isMeant);
     } catch (error) {
       throw isLate(error) ? new Refusal("late", this.texts.late(what)) : error;
+    }
+  }
+
+  /** Tries it, and where that was too late once more with the next tick, on the same connection. */
+  private async onceMore<Answer>(ask: () => Promise<Answer>, isMeant: () => boolean): Promise<Answer> {
+    const losses = this.losses;
+    try {
+      return await ask();
+    } catch (error) {
+      if (!isLate(error)) throw error;
+      await this.nextTick();
+      if (losses !== this.losses || !isMeant()) throw error;
+      return ask();
     }
   }
 
@@ -156,19 +163,24 @@ export class AttachLink {
     return this.ask(what, { ...keys, tick: this.tick });
   }
 
-  /** A request to the robot, and its reply. */
+  /** A request to the robot, and its reply. It goes out once more if it came too late, as what a person decides. */
   request(message: string, fields: Record<string, unknown>, header?: Record<string, unknown>): Promise<Reply> {
+    return this.onceMore(
+      () => this.requestOnce({ message, fields, header, reply: REPLY_WITHIN }),
+      () => true,
+    );
+  }
+
+  private requestOnce(keys: { message: string } & Record<string, unknown>): Promise<Reply> {
     const id = this.next;
     const reply = new Promise<Reply>((resolve, reject) => {
       const timer = setTimeout(
         () => this.settle(this.replies, id)?.reject(new Refusal("no_reply", this.texts.noReply())),
         REPLY_WITHIN * 1000 + ANSWER_WITHIN,
       );
-      this.replies.set(id, { what: message, resolve: (value) => resolve(value as Reply), reject, timer });
+      this.replies.set(id, { what: keys.message, resolve: (value) => resolve(value as Reply), reject, timer });
     });
-    this.command("send", { message, fields, header, reply: REPLY_WITHIN }).catch((error: Refusal) =>
-      this.settle(this.replies, id)?.reject(error),
-    );
+    this.command("send", keys).catch((error: Refusal) => this.settle(this.replies, id)?.reject(error));
     return reply;
   }
 

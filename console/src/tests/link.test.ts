@@ -195,6 +195,43 @@ test("a reply is the message with the offset that the server named", async () =>
   await expect(asked).resolves.toMatchObject({ name: "status", fields: { battery: 12 } });
 });
 
+test("a request that a stall made too late goes out once, with the next tick", async () => {
+  vi.advanceTimersByTime(300); // the server was not heard
+  const asked = link.request("param_set", { id: 3 });
+  await vi.advanceTimersByTimeAsync(0);
+  expect(last().of("send")).toHaveLength(0);
+  last().say({ event: "tick", tick: 90 });
+  await vi.advanceTimersByTimeAsync(0);
+  expect(last().of("send")).toMatchObject([{ message: "param_set", tick: 90 }]);
+  last().say({ event: "reply", request: last().of("send")[0]!.id, offset: 900 });
+  last().say({ event: "message", offset: 900, name: "param_value", fields: { id: 3 } });
+  await expect(asked).resolves.toMatchObject({ name: "param_value" });
+});
+
+test("a request that the server refuses as too late is sent once more, and its reply is that of the second", async () => {
+  const asked = link.request("param_set", { id: 3 });
+  refuseNewest("send");
+  await vi.advanceTimersByTimeAsync(0);
+  last().say({ event: "tick", tick: 90 });
+  await vi.advanceTimersByTimeAsync(0);
+  const [first, second] = last().of("send");
+  expect(second).toMatchObject({ message: "param_set", tick: 90 });
+  last().say({ event: "reply", request: first!.id, offset: 800 });
+  last().say({ event: "message", offset: 800, name: "param_value", fields: { id: 2 } });
+  last().say({ event: "reply", request: second!.id, offset: 900 });
+  last().say({ event: "message", offset: 900, name: "param_value", fields: { id: 3 } });
+  await expect(asked).resolves.toMatchObject({ fields: { id: 3 } });
+});
+
+test("a request is given up where the server stays silent", async () => {
+  vi.advanceTimersByTime(300);
+  const asked = link.request("param_set", { id: 3 });
+  asked.catch(() => {});
+  await vi.advanceTimersByTimeAsync(300);
+  await expect(asked).rejects.toMatchObject({ word: "late", message: "stale" });
+  expect(last().of("send")).toHaveLength(0);
+});
+
 test("a page that hears nothing for 1 s is not in control, whatever the server thinks, and a stop still leaves", async () => {
   last().say({ event: "control", holder: "page", yours: true, why: "taken" });
   vi.advanceTimersByTime(1200);
