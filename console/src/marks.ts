@@ -11,6 +11,7 @@ const OF_KINDS: Record<string, Tone> = {
   lost: "bad",
   source_gone: "bad",
   discarded: "bad",
+  port_settings: "warn",
   deadline_struck: "warn",
   mcu_deadline_struck: "warn",
   mark: "accent",
@@ -29,7 +30,7 @@ export function toneOf(event: LinkEvent): Tone | null {
 /** Of little weight each: there may be very many. */
 export const isSmall = (event: LinkEvent) => event.kind === "discarded" || toneOf(event) === "muted";
 
-/** The marks with what the server tells anew: a discard of the same time and direction stands for the one before. */
+/** The marks with the news of the server: a discard of the same time and direction stands for the one before. */
 export function joined(marks: readonly LinkEvent[], news: readonly LinkEvent[]): LinkEvent[] {
   const key = (mark: LinkEvent) => (mark.kind === "discarded" ? `${mark.t} ${mark.direction}` : null);
   const again = new Set(news.map(key));

@@ -463,13 +463,13 @@ def test_monitor_waits_for_a_port_that_is_not_there_yet(tmp_path: Path) -> None:
     pty.close()
 
 
-def open_files(pid: int) -> str:
-    """Their names, one a line; of a pty that was closed with a word behind it."""
+def open_files(pid: int) -> list[str]:
+    """Their names; of a pty that was closed with a word behind it."""
     names = []
     for file in Path(f"/proc/{pid}/fd").iterdir():
         with contextlib.suppress(FileNotFoundError):
             names.append(str(file.readlink()))
-    return "\n".join(names)
+    return names
 
 
 def test_a_repeated_send_whose_port_goes_away_says_that_it_could_not_stop(tmp_path: Path) -> None:
