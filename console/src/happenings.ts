@@ -12,6 +12,8 @@ export function eventText(event: LinkEvent, texts: Texts["happened"], protocol: 
       return texts.portUp;
     case "port_down":
       return texts.portDown(said(event, "why"));
+    case "port_settings":
+      return texts.portSettings;
     case "stopped":
       return texts.stopped;
     case "released":

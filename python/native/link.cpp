@@ -30,6 +30,7 @@ constexpr std::uint64_t least_open_wait_us = 5'000;    // however often files ap
 constexpr std::uint64_t settled_after_us = 1'000'000;  // a port that lasted this long does not fail at once
 constexpr std::uint64_t drain_on_close_us = 1'000'000;
 constexpr std::uint64_t longest_sleep_us = 500'000;
+constexpr std::uint64_t settings_look_us = 250'000;  // another program's settings stay in force no longer than a sleep
 constexpr std::size_t read_bytes = 4096;
 constexpr std::size_t write_at_once_bytes = 4096;
 constexpr double signal_slice = 0.05;  // seconds between two checks for signals
@@ -447,6 +448,7 @@ void Link::run() {
     if (watched[0].revents != 0) static_cast<void>(!::read(wakeup_.get(), &ignored, sizeof ignored));
     if (port_.is_open()) {
       read_some();
+      look_at_settings(monotonic_us());
     } else {
       open_again(lock, monotonic_us());
     }
@@ -474,6 +476,12 @@ void Link::read_some() {
   } else {  // 0 is a hang-up; EIO, ENXIO and others a lost device
     go_down(got == 0 ? 0 : errno, began_us);
   }
+}
+
+void Link::look_at_settings(std::uint64_t now_us) {
+  if (now_us < next_settings_look_us_ || !port_.is_open()) return;
+  next_settings_look_us_ = now_us + settings_look_us;
+  if (opener_->restore_settings(port_.get())) core_.settings_restored(now_us);
 }
 
 void Link::write_some() {

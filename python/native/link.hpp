@@ -99,6 +99,7 @@ class Link {
   void open_again(std::unique_lock<std::mutex>& lock, std::uint64_t now_us);
   void read_some();
   void write_some();
+  void look_at_settings(std::uint64_t now_us);
   void go_down(int code, std::uint64_t now_us);
   void lose_port(std::uint64_t now_us);
   void look_again(std::uint64_t now_us);
@@ -120,6 +121,7 @@ class Link {
   std::string why_;
   std::optional<LineReport> line_;  ///< of the port opened last
   std::uint64_t up_since_us_ = 0;
+  std::uint64_t next_settings_look_us_ = 0;
   std::uint64_t next_open_us_ = 0;
   std::uint64_t open_wait_us_;  ///< between two tries; grows
   std::atomic<bool> stops_opening_{false};

@@ -255,6 +255,11 @@ void LinkCore::close_tap(int number) {
 
 void LinkCore::note(const std::string& text, std::uint64_t now_us) { tap_text(TapKind::noted, text, now_us); }
 
+void LinkCore::settings_restored(std::uint64_t now_us) {
+  recent_.note(RecentKind::settings, nullptr, 0, now_us);
+  tap(TapKind::port_settings, nullptr, 0, now_us, now_us);
+}
+
 void LinkCore::compare(std::uint64_t now_us, const char* why) {
   if (const bool stopped = outbox().is_stopped(); stopped != was_stopped_) {
     tap(stopped ? TapKind::stopped : TapKind::released, nullptr, 0, now_us, now_us);

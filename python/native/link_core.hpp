@@ -115,6 +115,8 @@ class LinkCore {
   void close_tap(int number);
   /// Add a program's own text to all taps.
   void note(const std::string& text, std::uint64_t now_us);
+  /// Another program had changed the settings of the port.
+  void settings_restored(std::uint64_t now_us);
   /// Add all changes since the last call to the taps: the stop, deadlines, leases. Call it after anything that may
   /// change them. Costs one comparison while there is no tap. `why`: why a missing lease has ended.
   void note_changes(std::uint64_t now_us, const char* why = "ended") {

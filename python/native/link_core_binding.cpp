@@ -56,9 +56,9 @@ nb::dict to_dict(const LinkAccount& account, const ProtocolTable& protocol, cons
 }
 
 nb::tuple to_tuple(const TapCopy& taken) {
-  static constexpr const char* names[] = {
-      "received",        "sent",           "port_up",     "port_down",   "stopped", "released",
-      "deadline_struck", "deadline_ended", "lease_begun", "lease_ended", "noted"};
+  static constexpr const char* names[] = {"received",    "sent",        "port_up",         "port_down",
+                                          "stopped",     "released",    "deadline_struck", "deadline_ended",
+                                          "lease_begun", "lease_ended", "noted",           "port_settings"};
   nb::list pieces;
   std::size_t at = 0;
   for (const TapPiece& piece : taken.pieces) {
@@ -71,7 +71,8 @@ nb::tuple to_tuple(const TapCopy& taken) {
 }
 
 nb::tuple to_tuple(const RecentCopy& recent) {
-  static constexpr const char* names[] = {"received", "sent", "port_up", "port_down", "port_collision"};
+  static constexpr const char* names[] = {"received",  "sent",           "port_up",
+                                          "port_down", "port_collision", "port_settings"};
   nb::list pieces;
   std::size_t at = 0;
   for (const RecentPiece& piece : recent.pieces) {

@@ -61,6 +61,7 @@ class SerialOpener final : public Opener {
       return port;
     }
     pty_.remember(path_);
+    kept_.emplace(port.get());
     posix::set_latency_timer(timer);
     line_ = LineReport{settings_.baud, report, std::move(timer)};
     return port;
@@ -79,6 +80,7 @@ class SerialOpener final : public Opener {
 
   std::string path() const override { return path_; }
   std::optional<LineReport> line() const override { return line_; }
+  bool restore_settings(int descriptor) const override { return kept_ && kept_->restore(descriptor); }
 
  private:
   /// Refuse another program's terminal. An open pty keeps its number: without `kept`, another program could get it
@@ -106,6 +108,7 @@ class SerialOpener final : public Opener {
   PtyNumber pty_;
   std::string root_;
   std::optional<LineReport> line_;
+  std::optional<posix::KeptSettings> kept_;  ///< of the port opened last
 };
 
 class MovingSerialOpener final : public Opener {
@@ -129,6 +132,7 @@ class MovingSerialOpener final : public Opener {
   std::string why_gone(int code) const override { return name_ + ": " + at_->why_gone(code); }
 
   std::string path() const override { return "/dev/" + name_; }
+  bool restore_settings(int descriptor) const override { return at_ != nullptr && at_->restore_settings(descriptor); }
   std::optional<LineReport> line() const override { return at_ == nullptr ? std::nullopt : at_->line(); }
 
  private:

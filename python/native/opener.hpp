@@ -51,6 +51,9 @@ class Opener {
   /// Return the settings of the port that `open` returned last; none: it has no settings.
   virtual std::optional<LineReport> line() const { return std::nullopt; }
 
+  /// Put the settings of the open port back if another program has changed them. Returns whether one had.
+  virtual bool restore_settings(int /*descriptor*/) const { return false; }
+
   /// Return the file whose appearance means that opening may succeed; empty: there is none.
   virtual std::string path() const { return {}; }
 };

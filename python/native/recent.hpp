@@ -10,7 +10,7 @@
 
 namespace wirebond::engine {
 
-enum class RecentKind : std::uint8_t { received, sent, port_up, port_down, collision };
+enum class RecentKind : std::uint8_t { received, sent, port_up, port_down, collision, settings };
 
 /// One read, one write, or an event of the port.
 struct RecentPiece {

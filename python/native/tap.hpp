@@ -19,9 +19,10 @@ enum class TapKind : std::uint8_t {
   released,
   deadline_struck,  ///< one byte: the action
   deadline_ended,
-  lease_begun,  ///< text: message, address
-  lease_ended,  ///< text: message, address, why
-  noted,        ///< a program's note
+  lease_begun,    ///< text: message, address
+  lease_ended,    ///< text: message, address, why
+  noted,          ///< a program's note
+  port_settings,  ///< another program had changed them
 };
 
 /// One read, one write, or one event.

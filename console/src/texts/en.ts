@@ -226,6 +226,7 @@ export const en = {
   },
   happened: {
     portUp: "the port is there",
+    portSettings: "another program changed the settings of the port; they are as before",
     portDown: (why: string) => `the port is away${why && `: ${why}`}`,
     stopped: "emergency stop",
     released: "the emergency stop is released",

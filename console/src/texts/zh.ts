@@ -218,6 +218,7 @@ export const zh: Texts = {
   },
   happened: {
     portUp: "串口已连接",
+    portSettings: "另一个程序更改了串口设置，现已恢复",
     portDown: (why) => `串口断开${why && `：${why}`}`,
     stopped: "急停",
     released: "急停已解除",

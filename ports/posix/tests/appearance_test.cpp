@@ -6,19 +6,32 @@
 #include <stdlib.h>
 #include <sys/stat.h>
 
+#include <filesystem>
 #include <string>
 
 using wirebond::posix::Appearance;
 
 namespace {
 
-std::string new_folder() {
-  char name[] = "/tmp/wirebond_appearance_XXXXXX";
-  REQUIRE(::mkdtemp(name) != nullptr);
-  return name;
-}
+/// A new folder, which is removed at the end with what lies in it.
+class Folder {
+ public:
+  Folder() {
+    std::string name = (std::filesystem::temp_directory_path() / "wirebond_XXXXXX").string();
+    REQUIRE(::mkdtemp(name.data()) != nullptr);
+    path_ = name;
+  }
+  ~Folder() { std::filesystem::remove_all(path_); }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
 
-bool is_told(const Appearance& appearance) {
+  std::string operator+(const char* inside) const { return path_ + inside; }
+
+ private:
+  std::string path_;
+};
+
+bool has_event(const Appearance& appearance) {
   pollfd waiting{appearance.get(), POLLIN, 0};
   return ::poll(&waiting, 1, 0) == 1;
 }
@@ -28,31 +41,31 @@ void make_file(const std::string& path) { ::close(::open(path.c_str(), O_CREAT |
 }  // namespace
 
 TEST_CASE("a file that appears in the folder is reported") {
-  const std::string folder = new_folder();
+  const Folder folder;
   Appearance appearance(folder + "/tty");
   CHECK(appearance.get() < 0);
   CHECK(!appearance.changed());
   appearance.watch();
-  CHECK(!is_told(appearance));
+  CHECK(!has_event(appearance));
   make_file(folder + "/tty");
-  CHECK(is_told(appearance));
+  CHECK(has_event(appearance));
   CHECK(appearance.changed());
   CHECK(!appearance.changed());
   ::chmod((folder + "/tty").c_str(), 0666);  // what udev does a moment later
-  CHECK(is_told(appearance));
+  CHECK(has_event(appearance));
   appearance.stop();
   CHECK(appearance.get() < 0);
 }
 
 TEST_CASE("a folder that is not there yet is waited for, step by step") {
-  const std::string folder = new_folder();
+  const Folder folder;
   Appearance appearance(folder + "/serial/by-id/arm");
   appearance.watch();
   for (const char* step : {"/serial", "/serial/by-id"}) {
     ::mkdir((folder + step).c_str(), 0700);
-    CHECK(is_told(appearance));
+    CHECK(has_event(appearance));
     CHECK(appearance.changed());
-    CHECK(!is_told(appearance));
+    CHECK(!has_event(appearance));
   }
   REQUIRE(::symlink("/dev/null", (folder + "/serial/by-id/arm").c_str()) == 0);
   CHECK(appearance.changed());
@@ -65,7 +78,7 @@ TEST_CASE("a name without a folder lies in the current one") {
 }
 
 TEST_CASE("what appears after the last look is reported, also much later and after a second watch") {
-  const std::string folder = new_folder();
+  const Folder folder;
   Appearance appearance(folder + "/tty");
   appearance.watch();
   appearance.watch();
@@ -76,11 +89,11 @@ TEST_CASE("what appears after the last look is reported, also much later and aft
   CHECK(appearance.get() == descriptor);  // a new one would lose what appears in between
   make_file(folder + "/other");
   appearance.watch();  // and the caller looks after it
-  CHECK(!is_told(appearance));
+  CHECK(!has_event(appearance));
 }
 
 TEST_CASE("a folder that goes away and comes back, as /dev/serial/by-id does, is watched again") {
-  const std::string folder = new_folder();
+  const Folder folder;
   const std::string by_id = folder + "/by-id";
   ::mkdir(by_id.c_str(), 0700);
   Appearance appearance(by_id + "/arm");

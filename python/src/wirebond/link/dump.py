@@ -21,7 +21,8 @@ class DumpEntry:
     :ivar t: seconds on the clock of ``time.monotonic()``: when the read that completed it, or the write, was done; of
         discarded bytes when the first of them came.
     :ivar direction: ``received`` or ``sent``; ``port`` for what the port did.
-    :ivar kind: ``frame``; ``discarded``, ``fill`` or ``pending``, as in the account; ``up`` or ``down`` of the port.
+    :ivar kind: ``frame``; ``discarded``, ``fill`` or ``pending``, as in the account; ``up``,
+        ``down``, ``collision`` or ``settings`` of the port.
     :ivar bytes: as they were on the wire.
     :ivar message: of a frame.
     :ivar causes: of discarded bytes: how many for each cause. Bytes between two frames have an entry for each read that
@@ -38,7 +39,8 @@ class DumpEntry:
 
 @dataclass(frozen=True)
 class Piece:
-    """One read, one write, or what the port did: ``received``, ``sent``, ``port_up`` or ``port_down``."""
+    """One read, one write, or what the port did: ``received``, ``sent``, ``port_up``, ``port_down``, ``port_collision``
+    or ``port_settings``, which another program had changed."""
 
     t: float
     kind: str

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import logging
 import weakref
 from typing import Any
 
@@ -14,6 +15,7 @@ from wirebond.link.attached.words import Control
 from wirebond.link.devices.names import resolve
 from wirebond.link.devices.permission import no_permission
 from wirebond.link.devices.port_name import PortName, port_name
+from wirebond.link.devices.processes import named, other_users
 from wirebond.link.inbox import Inbox
 from wirebond.link.plugins import plugin
 from wirebond.link.services import AskingLink, Services
@@ -21,6 +23,7 @@ from wirebond.link.settings import engine_settings, latency_of, open_engine
 from wirebond.protocol.model import End
 
 SIMULATED = "sim:"  # the port's name of a virtual MCU
+_log = logging.getLogger("wirebond")
 
 
 class OwnPort:
@@ -66,6 +69,19 @@ class OwnPort:
             if error.errno != errno.EACCES:
                 raise
             raise PortError(no_permission(name.path()), error.errno, name.text) from None
+        self._warn_of_other_users()
+
+    def _warn_of_other_users(self) -> None:
+        """Programs that had the tty open before keep it."""
+        device = self.device()
+        users = other_users(device) if device.startswith("/dev/") else []
+        if users:
+            _log.warning(
+                "%s is open in another program as well, %s, and each byte that it reads is lost to this link; end it, "
+                "or let all programs attach to `wirebond serve`",
+                device,
+                named(users),
+            )
 
     def begin_services(self, link: AskingLink, inbox: Inbox, hello: bool, clock_sync: bool) -> Services:
         """See `Owner`."""

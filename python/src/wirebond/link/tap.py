@@ -39,9 +39,10 @@ class LinkEvent:
     """Something that happened to the link.
 
     :ivar t: seconds on ``time.monotonic()``.
-    :ivar kind: ``port_up``; ``port_down``, with ``why``; ``stopped`` and ``released``, of the emergency stop;
-        ``deadline_struck`` and ``deadline_ended``, with ``action``; ``lease_begun`` and ``lease_ended``, with
-        ``message``, ``address`` where frames have one, and ``why`` it ended; or what a program noted.
+    :ivar kind: ``port_up``; ``port_down``, with ``why``; ``port_settings``, which another program had changed;
+        ``stopped`` and ``released``, of the emergency stop; ``deadline_struck`` and ``deadline_ended``, with
+        ``action``; ``lease_begun`` and ``lease_ended``, with ``message``, ``address`` where frames have one, and
+        ``why`` it ended; or what a program noted.
     :ivar facts: the values that belong to it.
     """
 

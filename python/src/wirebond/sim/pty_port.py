@@ -64,7 +64,6 @@ class PtyPort:
             time.sleep(_LOOK)
         with contextlib.suppress(OSError):  # some keep others out, and the line is alive by them
             self._keeper = os.open(self.path, os.O_RDWR | os.O_NOCTTY)
-            tty.setraw(self._keeper, termios.TCSANOW)
         for _ in range(_SET_UP):
             time.sleep(_LOOK)
             if self._was_flushed():

@@ -107,6 +107,29 @@ inline bool configure_serial(int fd, const SerialSettings& settings, SerialError
   return true;
 }
 
+/// The settings of an open tty. They are the device's: any program that opens it, such as `stty`, can change them.
+class KeptSettings {
+ public:
+  /// Remember those of now.
+  explicit KeptSettings(int fd) { is_known_ = ::ioctl(fd, TCGETS2, &settings_) == 0; }
+
+  /// Put them back if another program has changed them. Returns whether one had.
+  bool restore(int fd) const {
+    struct termios2 now {};
+    if (!is_known_ || ::ioctl(fd, TCGETS2, &now) != 0 || is_same(now, settings_)) return false;
+    return ::ioctl(fd, TCSETS2, &settings_) == 0;
+  }
+
+ private:
+  static bool is_same(const struct termios2& a, const struct termios2& b) {
+    return a.c_iflag == b.c_iflag && a.c_oflag == b.c_oflag && a.c_lflag == b.c_lflag && a.c_cflag == b.c_cflag &&
+           a.c_ispeed == b.c_ispeed && a.c_ospeed == b.c_ospeed;
+  }
+
+  struct termios2 settings_ {};
+  bool is_known_ = false;
+};
+
 /// Open `path` as a raw, exclusive, non-blocking tty. Bytes that came before are dropped: they are stale. Adapters that
 /// support it get the low-latency flag (FTDI: 1 ms instead of 16). Returns an empty Descriptor and `error` on failure.
 /// `report`, if given: the driver's actual settings.

@@ -7,6 +7,7 @@ from enum import StrEnum
 
 
 class Kind(StrEnum):
+    SHARED_PORT = "shared_port"
     SILENCE = "silence"
     BAUD = "baud"
     PARITY = "parity"

@@ -13,6 +13,7 @@ from collections import Counter, defaultdict
 from wirebond.analysis.diagnosis.finding import Diagnosis, Kind
 from wirebond.analysis.diagnosis.recent import recent
 from wirebond.analysis.diagnosis.settings_of_line import other_settings, parity_of_seven_bits
+from wirebond.analysis.diagnosis.shared_port import changed_settings, other_readers
 from wirebond.analysis.explain import Changes, explain
 from wirebond.codec import Codec
 from wirebond.link import Dump, DumpEntry, Link
@@ -53,7 +54,11 @@ def diagnose(link: Link, seconds: float = math.inf) -> list[Diagnosis]:
         pieces.append(piece)
         size += len(piece.bytes)
     dropped = dump.dropped_bytes + len(dump.received) + len(dump.sent) - size
-    return diagnose_dump(Dump(dump.codec, dump.t, pieces[::-1], dropped, dump.role), link.baud, seconds)
+    found = diagnose_dump(Dump(dump.codec, dump.t, pieces[::-1], dropped, dump.role), link.baud, seconds)
+    reader = other_readers(link.device) if found and not link.is_attached else None
+    if reader is None:
+        return found
+    return [reader, *(one for one in found if one.kind not in (Kind.UNKNOWN, Kind.SHARED_PORT))]
 
 
 def diagnose_dump(dump: Dump, baud: int, seconds: float = math.inf) -> list[Diagnosis]:
@@ -69,12 +74,12 @@ def diagnose_dump(dump: Dump, baud: int, seconds: float = math.inf) -> list[Diag
     collided = _collisions(dump)
     received = [e for e in dump.entries if e.direction == "received"]
     data = b"".join(e.bytes for e in received)
-    found = [one for one in (collided or _echo(dump), resets) if one is not None]
+    found = [one for one in (changed_settings(dump), collided or _echo(dump), resets) if one is not None]
     if not data:
         return found or _silence(dump)
     bad = sum(len(e.bytes) for e in received if e.kind == "discarded")
     if len(data) < _LEAST_BYTES or bad < _BAD * len(data):
-        return found
+        return found or _silence(dump)
     peer = _peer(dump)
     good = sum(len(e.bytes) for e in received if e.kind == "frame")
     first = (
@@ -94,9 +99,9 @@ def _peer(dump: Dump) -> End:
 
 
 def _silence(dump: Dump) -> list[Diagnosis]:
-    """No byte at all, although the other end should send or was asked."""
-    ups = [p.t for p in dump.pieces if p.kind == "port_up"]
-    if not ups or dump.pieces[-1].kind == "port_down" or dump.t - ups[-1] < _SILENT:
+    """No byte any more, although the other end should send or was asked."""
+    signs = [p.t for p in dump.pieces if p.kind in ("port_up", "received")]
+    if not signs or dump.pieces[-1].kind == "port_down" or dump.t - signs[-1] < _SILENT:
         return []
     sends = any(m.every is not None and m.every < _SILENT and m.sent_by(_peer(dump)) for m in dump.codec.model.messages)
     asked = any(e.message is not None and _has_reply(dump.codec, e.message.name) for e in dump.entries)
@@ -106,7 +111,8 @@ def _silence(dump: Dump) -> list[Diagnosis]:
         Diagnosis(
             Kind.SILENCE,
             "Nothing is received",
-            f"no byte in {dump.t - ups[-1]:.0f} s, and the other end should {'send by itself' if sends else 'answer'}",
+            f"no byte for {dump.t - signs[-1]:.0f} s, and the other end should "
+            f"{'send by itself' if sends else 'answer'}",
             "Look at power, ground, and whether transmit and receive are swapped; `wirebond doctor` looks at the port.",
         )
     ]

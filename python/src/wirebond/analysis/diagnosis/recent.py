@@ -7,6 +7,7 @@ import itertools
 from wirebond.link import Dump
 from wirebond.link.dump import Piece
 
+_STATES = ("port_up", "port_down")  # which last, other than what happened at a moment
 _QUESTIONS = 1.0  # seconds of what was sent that are kept beside: replies may need their request
 
 
@@ -25,7 +26,7 @@ def recent(dump: Dump, seconds: float) -> Dump:
             old[piece.kind] -= cut
         if piece.kind == "received" and cut == len(piece.bytes):
             pieces.append(Piece(piece.t, "port_up", b""))  # it worked until here
-        elif piece.bytes[cut:] or piece.kind not in old:
+        elif piece.bytes[cut:] or piece.kind in _STATES or (piece.kind not in old and piece.t >= since):
             pieces.append(Piece(piece.t, piece.kind, piece.bytes[cut:]))
     return Dump(dump.codec, dump.t, _without_old_ports(pieces), dropped, dump.role)
 

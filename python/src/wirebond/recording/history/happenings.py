@@ -42,6 +42,8 @@ def sentence(event: LinkEvent) -> str:
             return "the port is there"
         case "port_down":
             return f"the port is away: {facts.get('why', '')}".rstrip(": ")
+        case "port_settings":
+            return "another program changed the settings of the port; they are as before"
         case "stopped":
             return "emergency stop"
         case "released":

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from wirebond.link.devices.doctor.finding import Finding, Verdict
-from wirebond.link.devices.doctor.machine import Machine, Process
+from wirebond.link.devices.doctor.machine import Machine
+from wirebond.link.devices.processes import Process, named
 from wirebond.link.devices.serial_port import SerialPort
 
 # What keeps a port for itself as a service: ending the process does not help, it would be started again.
@@ -17,11 +18,10 @@ _GETTYS = ("agetty", "getty", "login")
 
 
 def check_holder(machine: Machine, port: SerialPort) -> Finding:
-    holders = [process for process in machine.processes if process.opened and port.path in process.opened]
+    holders = [process for process in machine.processes if process.uses(port.path)]
     if holders:
-        named = " and ".join(f"{process.name} (process {process.pid})" for process in holders)
         verb = "has" if len(holders) == 1 else "have"
-        return Finding("holder", Verdict.PROBLEM, f"{named} {verb} it open", port.path, _cure(holders, port))
+        return Finding("holder", Verdict.PROBLEM, f"{named(holders)} {verb} it open", port.path, _cure(holders, port))
     hidden = sum(process.opened is None and bool(process.command) for process in machine.processes)
     if hidden:
         return Finding(

@@ -11,17 +11,8 @@ from pathlib import Path
 from wirebond.link.devices import sysfs
 from wirebond.link.devices.discovery import serial_ports
 from wirebond.link.devices.permission import User
+from wirebond.link.devices.processes import Process, other_processes
 from wirebond.link.devices.serial_port import SerialPort
-
-
-@dataclass(frozen=True)
-class Process:
-    """``command`` is empty for the kernel's own. ``opened`` is None if this user may not see what it has open."""
-
-    pid: int
-    name: str
-    command: tuple[str, ...]
-    opened: frozenset[str] | None
 
 
 @dataclass(frozen=True)
@@ -64,33 +55,7 @@ class Machine:
     @cached_property
     def processes(self) -> list[Process]:
         """All but this one."""
-        pids = [int(name) for name in self.names("/proc") if name.isdigit()]
-        mine = os.getpid() if self.root == Path("/") else None
-        return [self._process(pid) for pid in sorted(pids) if pid != mine]
-
-    def _process(self, pid: int) -> Process:
-        command = self.text(f"/proc/{pid}/cmdline") or ""
-        return Process(
-            pid=pid,
-            name=self.text(f"/proc/{pid}/comm") or "",
-            command=tuple(word for word in command.split("\0") if word),
-            opened=self._opened(sysfs.below(self.root, f"/proc/{pid}/fd")),
-        )
-
-    @staticmethod
-    def _opened(folder: Path) -> frozenset[str] | None:
-        found = set()
-        try:
-            for name in os.listdir(folder):  # noqa: PTH208 names are wanted, not paths
-                try:
-                    found.add(os.readlink(folder / name))  # noqa: PTH115 its text is wanted
-                except FileNotFoundError:
-                    continue  # closed meanwhile
-        except FileNotFoundError:
-            return frozenset()  # it has ended
-        except OSError:
-            return None
-        return frozenset(found)
+        return other_processes(self.root)
 
     def runs(self, name: str) -> Process | None:
         """The process of this name; None if there is none."""

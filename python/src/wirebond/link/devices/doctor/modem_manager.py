@@ -10,7 +10,8 @@ from __future__ import annotations
 from itertools import pairwise
 
 from wirebond.link.devices.doctor.finding import Finding, Verdict, udev_rule
-from wirebond.link.devices.doctor.machine import Machine, Process
+from wirebond.link.devices.doctor.machine import Machine
+from wirebond.link.devices.processes import Process
 from wirebond.link.devices.serial_port import SerialPort
 
 _IGNORED = ("ID_MM_DEVICE_IGNORE", "ID_MM_PORT_IGNORE")

@@ -1,0 +1,38 @@
+"""What another program does to the port of a link: it reads from it too, or changes its settings."""
+
+from __future__ import annotations
+
+from wirebond.analysis.diagnosis.finding import Diagnosis, Kind
+from wirebond.link.devices.processes import named, other_users
+from wirebond.link.dump import Dump
+
+
+def changed_settings(dump: Dump) -> Diagnosis | None:
+    """Another program has changed the settings of the port, and the link has put them back."""
+    times = sum(piece.kind == "port_settings" for piece in dump.pieces)
+    if not times:
+        return None
+    return Diagnosis(
+        Kind.SHARED_PORT,
+        "Another program changes the settings of this port",
+        f"{times} time{'s' * (times != 1)}; the link has put them back each time, and lost bytes meanwhile",
+        "Close that program: `stty`, a terminal or a service such as ModemManager. `wirebond doctor PORT` names those "
+        "that have the port open.",
+    )
+
+
+def other_readers(tty: str) -> Diagnosis | None:
+    """Other programs have the port open now.
+
+    :param tty: its path.
+    """
+    users = other_users(tty)
+    if not users:
+        return None
+    return Diagnosis(
+        Kind.SHARED_PORT,
+        "Another program has this port open, and each byte that it reads is lost to the link",
+        f"{named(users)} {'has' if len(users) == 1 else 'have'} {tty} open",
+        f"End {'it' if len(users) == 1 else 'them'} with `kill {' '.join(str(one.pid) for one in users)}`; programs "
+        "that share a line attach to `wirebond serve`.",
+    )
