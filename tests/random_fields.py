@@ -141,7 +141,8 @@ class FieldSource:
             return self._float()
         letter, bits = self._integer(WIDTHS)
         options, default = self._options(letter, bits)
-        return Drawn(f"{{type: {self._order(f'{letter}{bits}', bits)}{options}{self._given(default)}}}", bits // 8)
+        word = self._order(f"{letter}{bits}", bits)
+        return Drawn(f"{{type: {_at_times_digits(word, f'{options}{self._given(default)}')}}}", bits // 8)
 
     def _float(self) -> Drawn:
         bits = self._random.choice((32, 64))
@@ -234,7 +235,8 @@ class FieldSource:
             word, (options, default) = f"{letter}{bits}", self._options(letter, bits, repeats=True)
         order = self._random.choice(("low_first", "high_first"))
         given = self._given(f"[{', '.join([default] * count)}]")
-        return Drawn(f"{{type: {word}, count: {count}, packed: {order}{options}{given}}}", (bits * count + 7) // 8)
+        described = f", count: {count}, packed: {order}{options}{given}"
+        return Drawn(f"{{type: {_at_times_digits(word, described)}}}", (bits * count + 7) // 8)
 
     def _bits(self, _: int) -> Drawn:
         width = self._random.choice((8, 8, 16, 24, 32, 40, 48, 56, 64))
@@ -257,7 +259,8 @@ class FieldSource:
             else:
                 letter, bits = self._integer(range(1, left + 1))
                 options, default = self._options(letter, bits)
-                members.append(f"m{number}: {{type: {letter}{bits}{options}{self._given(default)}}}")
+                described = f"{options}{self._given(default)}"
+                members.append(f"m{number}: {{type: {_at_times_digits(f'{letter}{bits}', described)}}}")
                 left -= bits
         first = self._random.choice(("", ", first: high", ", first: low"))
         container = self._order(f"u{width}", width)
@@ -410,6 +413,16 @@ class FieldSource:
             fields, size = self._own_or_type(room // most, depth)
         self._constants = before and "max:" not in fields and fields[0] == "{"
         return Drawn(f"{{group: {{count: {count}, max: {most}, fields: {fields}}}}}", size * most)
+
+
+def _at_times_digits(word: str, options: str) -> str:
+    """A type and its options; at times decimal digits in place of an unsigned number that has no value or name among
+    them. Drawn by themselves, so that other fields stay as they are."""
+    found = re.fullmatch(r"u(\d+)(le|be|)", word)
+    is_free = not re.search("range|enum|flags|default", options)
+    if found and is_free and int(found[1]) % 4 == 0 and int(found[1]) <= 60:
+        word = f"bcd{found[1]}{found[2]}" if random.Random(word + options).random() < 0.4 else word
+    return word + options
 
 
 def decimal(value: Fraction) -> str:

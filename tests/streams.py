@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from wirebond import Codec, MessageError, _engine
+from wirebond.protocol.meaning.field_values import wire_limits
 from wirebond.protocol.model import (
     End,
     Field,
@@ -111,9 +112,7 @@ def _element(described: Field, source: random.Random) -> Any:
         low, high = described.minimum, described.maximum
         drawn = source.uniform(-1000 if low is None else low, 1000 if high is None else high)
         return source.choice((-0.0, 0.0)) if source.random() < 0.1 else drawn
-    half = 2 ** (described.width - 1)
-    least, most = (-half, half - 1) if described.kind == FieldKind.SIGNED else (0, 2 * half - 1)
-    least += described.sign_magnitude
+    least, most = (int(end) for end in wire_limits(described))
     wire = source.choice([least, most, 0, source.randint(least, most)])
     value = float(wire * described.scale + described.offset) if described.is_scaled else wire
     if described.minimum is not None and described.maximum is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 import struct
 import subprocess
 from pathlib import Path
@@ -21,6 +22,7 @@ from tests.streams import damaged, random_values
 from wirebond import MessageError
 from wirebond.generate.code import generate_cpp
 from wirebond.generate.code.cpp import struct_names
+from wirebond.protocol import loads
 
 SHAPES = wirebond.load(ROOT / "tests" / "generate" / "code" / "every_shape.yaml")
 # What C++ does not validate: its bool and text take any byte, its flags any bit.
@@ -137,6 +139,67 @@ def test_sign_and_amount_and_odd_widths_lie_as_integers_packed_by_hand(
     expected += u48.to_bytes(6, "big") + i56.to_bytes(7, "little", signed=True)
     assert payload_of("magnitudes", values) == expected
     assert received("magnitudes", expected).fields == values
+
+
+_HEAD = "wirebond: 1\nprotocol: p\nframe: [magic: 0xAA, id: u8, payload: by_id]\n"
+
+
+def digits(number: int, size: int) -> bytes:
+    return bytes.fromhex(f"{number:0{2 * size}}")
+
+
+@given(
+    one=st.integers(0, 99), meters=st.integers(0, 999_999), many=st.integers(0, 10**14 - 1),
+    near=st.integers(100, 2000), mode=st.sampled_from([0, 10, 99]), packed=ints(0, 999, 3),
+    number=st.integers(0, 10**7 - 1),
+)  # fmt: skip
+def test_decimal_digits_lie_as_their_number_is_written(
+    one: int, meters: int, many: int, near: int, mode: int, packed: list[int], number: int
+) -> None:
+    values = {"one": one, "meters": meters / 100, "many": many, "mode": {0: "off", 10: "slow", 99: "fast"}[mode]}
+    values |= {"near": near, "packed": packed, "bits": {"start": 15, "number": number}}
+    expected = digits(one, 1) + digits(meters, 3) + digits(many, 7)[::-1] + digits(mode, 1) + digits(near, 2)[::-1]
+    expected += bytes.fromhex("".join(f"{n:03}" for n in packed) + "0") + bytes.fromhex(f"f{number:07}")
+    assert payload_of("digits", values) == expected
+    message = received("digits", expected)
+    assert message.fields == values
+    assert message.violations == []
+
+
+def test_what_is_no_decimal_digit_is_refused() -> None:
+    values = {"one": 12, "meters": 0.5, "many": 3, "mode": "slow", "near": 200, "packed": [1, 2, 3]}
+    values["bits"] = {"start": 0, "number": 4}
+    payload = bytearray(payload_of("digits", values))
+    for place, path in ((0, "one"), (3, "meters"), (5, "many"), (11, "mode"), (12, "near"), (14, "packed[0]")):
+        wrong = bytearray(payload)
+        wrong[place] |= 0x0F
+        (fault,) = received("digits", bytes(wrong)).violations
+        assert fault.startswith(f"digits.{path} has the digits 0x")
+    columns = SHAPES.decode_columns(SHAPES.encode("digits", values), "mcu")["digits"]
+    assert [columns[name][0] for name in ("one", "meters", "many", "near", "bits.number")] == [12, 0.5, 3, 200, 4]
+
+
+def test_a_constant_of_decimal_digits_is_its_digits() -> None:
+    text = "{version: {type: bcd16be, constant: 210}, x: {bits: {type: u8, fields: {low: {type: bcd4, constant: 7}}}}}"
+    model = loads(f"{_HEAD}messages: {{m: {{id: 1, sender: mcu, fields: {text}}}}}\n")
+    assert wirebond.Codec(model).encode("m") == bytes.fromhex("aa 01 02 10 07")
+
+
+@pytest.mark.parametrize(
+    ("field", "sentence"),
+    [
+        ("{type: bcd64}", "`bcd64` is not a type here"),
+        ("{type: bcd10}", "`bcd10` is not a type here"),
+        ("{type: bcd8, range: [0, 100]}", "100 does not fit"),
+        ("{type: bcd8, flags: {a: 0}}", "`flags` is for unsigned whole numbers"),
+        ("{type: bcd8, enum: {a: 100}}", "100 does not fit bcd8 (from 0 to 99)"),
+        ("{type: bcd8, default: 100}", "100 does not fit `x`, which takes values from 0 to 99"),
+        ("{type: bcd32, clock: mcu, unit: us}", "`clock` is for one unsigned number"),
+    ],
+)
+def test_what_decimal_digits_cannot_have(field: str, sentence: str) -> None:
+    with pytest.raises(wirebond.ProtocolFileError, match=re.escape(sentence)):
+        loads(f"{_HEAD}messages: {{m: {{id: 1, sender: mcu, fields: {{x: {field}}}}}}}\n")
 
 
 def test_minus_zero_is_zero() -> None:

@@ -11,7 +11,7 @@
 #include "wirebond/list.hpp"
 
 using wirebond::BitOrder;
-using wirebond::Sign;
+using wirebond::Coding;
 
 namespace {
 
@@ -53,14 +53,14 @@ TEST_CASE("every width at every place is what its bits are one by one, and the b
 
 TEST_CASE("a sign lies in two's complement or before its amount") {
   CHECK(wirebond::from_bits<std::int8_t, 5>(0x1F) == -1);
-  CHECK(wirebond::from_bits<std::int8_t, 5, Sign::magnitude>(0x1F) == -15);
-  CHECK(wirebond::from_bits<std::int8_t, 5, Sign::magnitude>(0x10) == 0);
+  CHECK(wirebond::from_bits<std::int8_t, 5, Coding::sign_magnitude>(0x1F) == -15);
+  CHECK(wirebond::from_bits<std::int8_t, 5, Coding::sign_magnitude>(0x10) == 0);
   CHECK(wirebond::from_bits<std::uint8_t, 5>(0xFF) == 31);
-  CHECK(wirebond::from_bits<std::int64_t, 64, Sign::magnitude>(~std::uint64_t{0}) == -INT64_MAX);
+  CHECK(wirebond::from_bits<std::int64_t, 64, Coding::sign_magnitude>(~std::uint64_t{0}) == -INT64_MAX);
   std::uint64_t raw = 99;
   CHECK(wirebond::to_bits<5>(std::int8_t{-16}, raw));
   CHECK(raw == 0x10);
-  CHECK(wirebond::to_bits<5, Sign::magnitude>(std::int8_t{-15}, raw));
+  CHECK(wirebond::to_bits<5, Coding::sign_magnitude>(std::int8_t{-15}, raw));
   CHECK(raw == 0x1F);
   CHECK(wirebond::to_bits<64>(INT64_MIN, raw));
   CHECK(raw == std::uint64_t{1} << 63);
@@ -70,17 +70,39 @@ TEST_CASE("a number that does not fit is refused and nothing is changed") {
   std::uint64_t raw = 99;
   CHECK_FALSE(wirebond::to_bits<5>(std::int8_t{16}, raw));
   CHECK_FALSE(wirebond::to_bits<5>(std::int8_t{-17}, raw));
-  CHECK_FALSE(wirebond::to_bits<5, Sign::magnitude>(std::int8_t{-16}, raw));
-  CHECK_FALSE(wirebond::to_bits<64, Sign::magnitude>(INT64_MIN, raw));
+  CHECK_FALSE(wirebond::to_bits<5, Coding::sign_magnitude>(std::int8_t{-16}, raw));
+  CHECK_FALSE(wirebond::to_bits<64, Coding::sign_magnitude>(INT64_MIN, raw));
   CHECK_FALSE(wirebond::to_bits<3>(std::uint8_t{8}, raw));
   CHECK(raw == 99);
   std::array<std::uint8_t, 2> bytes{0xAB, 0xCD};
   CHECK_FALSE(wirebond::store_packed<3, BitOrder::low_first>(bytes.data(), 1, std::uint8_t{8}));
-  CHECK_FALSE(wirebond::store_magnitude<std::int16_t>(bytes.data(), INT16_MIN));
+  CHECK_FALSE(wirebond::store_coded<Coding::sign_magnitude, std::int16_t>(bytes.data(), INT16_MIN));
   CHECK(bytes == std::array<std::uint8_t, 2>{0xAB, 0xCD});
   std::uint16_t bits = 0x8001;
   CHECK_FALSE(wirebond::insert_bits<3, 4>(bits, std::uint8_t{8}));
   CHECK(bits == 0x8001);
+}
+
+TEST_CASE("decimal digits are a number, and what is no digit is above all of them") {
+  CHECK(wirebond::from_bits<std::uint32_t, 28, Coding::bcd>(0xF1112694) == 1112694);
+  CHECK(wirebond::from_bits<std::uint8_t, 8, Coding::bcd>(0x99) == 99);
+  CHECK(wirebond::from_bits<std::uint8_t, 8, Coding::bcd>(0x0A) == 100);
+  CHECK(wirebond::from_bits<std::uint8_t, 4, Coding::bcd>(0x19) == 9);
+  CHECK(wirebond::from_bits<std::uint64_t, 60, Coding::bcd>(0x123456789012345) == 123456789012345);
+  CHECK(wirebond::from_bits<std::uint64_t, 60, Coding::bcd>(0xF23456789012345) == 1000000000000000);
+  std::uint64_t raw = 99;
+  CHECK_FALSE(wirebond::to_bits<8, Coding::bcd>(std::uint8_t{100}, raw));
+  CHECK(raw == 99);
+  CHECK(wirebond::to_bits<28, Coding::bcd>(std::uint32_t{1112694}, raw));
+  CHECK(raw == 0x1112694);
+  std::array<std::uint8_t, 3> bytes{};
+  CHECK(wirebond::store_coded<Coding::bcd, std::uint32_t, wirebond::ByteOrder::big, 3>(bytes.data(), 42863));
+  CHECK(bytes == std::array<std::uint8_t, 3>{0x04, 0x28, 0x63});
+  CHECK(wirebond::load_coded<Coding::bcd, std::uint32_t, wirebond::ByteOrder::big, 3>(bytes.data()) == 42863);
+  for (std::uint32_t number = 0; number < 10000; ++number) {
+    CHECK(wirebond::to_bits<16, Coding::bcd>(number, raw));
+    CHECK(wirebond::from_bits<std::uint32_t, 16, Coding::bcd>(raw) == number);
+  }
 }
 
 TEST_CASE("a list takes what it has room for, and never shows more than that") {

@@ -167,6 +167,7 @@ bool CdrPacker::put(const Value& value, std::uint64_t raw, std::uint8_t* to) {
   if (is_bool) raw = raw != 0 ? 1 : 0;
   const bool is_signed = field.kind == FieldKind::signed_integer;
   const std::int64_t number = is_signed ? signed_of(field, raw) : 0;
+  if (!is_signed) raw = unsigned_of(field, raw);
   if (value.is_chosen) {
     const std::uint64_t wire = is_signed ? static_cast<std::uint64_t>(number) : raw;
     for (const auto& [one, bytes] : value.chosen) {

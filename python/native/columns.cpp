@@ -158,7 +158,7 @@ bool stands_as(const FieldTable& field) {
 #if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
   return field.kind != FieldKind::boolean && field.repeat != Repeat::packed && field.size == sizeof(T) &&
          field.width == 8 * sizeof(T) && (field.order == ByteOrder::little || sizeof(T) == 1) && !field.scaled &&
-         !field.sign_magnitude;
+         !field.sign_magnitude && field.kind != FieldKind::bcd;
 #else
   static_cast<void>(field);
   return false;
@@ -204,7 +204,7 @@ nb::object lacking_column(const Column& column) {
   const auto value_of = [&](std::uint64_t bits) {
     const double wire = field.kind == FieldKind::floating         ? float_of(field, bits)
                         : field.kind == FieldKind::signed_integer ? static_cast<double>(signed_of(field, bits))
-                                                                  : static_cast<double>(bits);
+                                                                  : static_cast<double>(unsigned_of(field, bits));
     return field.scaled ? to_si(field, wire) : wire;
   };
   with_load(field, [&](auto load) {
@@ -221,7 +221,7 @@ nb::object lacking_column(const Column& column) {
 nb::object number_column(const Column& column, const Rows& rows, std::size_t stride) {
   if (column.may_lack) return lacking_column(column);
   const FieldTable& field = *column.field;
-  const auto raw = [](std::uint64_t bits) { return bits; };
+  const auto raw = [&](std::uint64_t bits) { return unsigned_of(field, bits); };
   const auto two = [&](std::uint64_t bits) { return signed_of(field, bits); };
   const auto real = [&](std::uint64_t bits) { return float_of(field, bits); };
   const auto scale = [&](double wire) { return to_si(field, wire); };
@@ -236,9 +236,10 @@ nb::object number_column(const Column& column, const Rows& rows, std::size_t str
       if (field.size == 4) return column_of<float>(column, rows, stride, real);
       return column_of<double>(column, rows, stride, real);
     case FieldKind::unsigned_integer:
+    case FieldKind::bcd:
       if (field.scaled) {
         return column_of<double>(column, rows, stride,
-                                 [&](std::uint64_t bits) { return scale(static_cast<double>(bits)); });
+                                 [&](std::uint64_t bits) { return scale(static_cast<double>(raw(bits))); });
       }
       if (field.width <= 8) return column_of<std::uint8_t>(column, rows, stride, raw);
       if (field.width <= 16) return column_of<std::uint16_t>(column, rows, stride, raw);

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <limits>
 #include <stdexcept>
@@ -19,6 +20,12 @@ std::string number_text(double value) {
   std::string out = text;
   PyMem_Free(text);
   return out;
+}
+
+std::string hex_text(std::uint64_t value) {
+  char text[19];
+  std::snprintf(text, sizeof text, "0x%llX", static_cast<unsigned long long>(value));
+  return text;
 }
 
 std::string with_unit(const std::string& text, const FieldTable& field) {
@@ -95,6 +102,7 @@ struct Limits {
 };
 
 Limits limits_of(const FieldTable& field) {
+  if (field.kind == FieldKind::bcd) return {0, bcd_end(field.width) - 1};
   if (field.kind != FieldKind::signed_integer) return {0, low_bits(field.width)};
   const std::uint64_t high = low_bits(field.width) >> 1;
   const auto most = static_cast<std::int64_t>(high);
@@ -156,7 +164,9 @@ std::uint64_t scaled_bits(const FieldTable& field, nb::handle value, const Path&
   const double wire = to_wire(field, si);
   const Limits limits = limits_of(field);
   // As doubles both 2^64 - 1 and 2^63 - 1 round up to a number that does not fit.
-  const double beyond = std::ldexp(1.0, field.width - (field.kind == FieldKind::signed_integer ? 1 : 0));
+  const double beyond = field.kind == FieldKind::bcd
+                            ? static_cast<double>(bcd_end(field.width))
+                            : std::ldexp(1.0, field.width - (field.kind == FieldKind::signed_integer ? 1 : 0));
   if (!(wire >= static_cast<double>(limits.low) && wire < beyond)) does_not_fit(field, value, path);
   return field.kind == FieldKind::signed_integer ? static_cast<std::uint64_t>(static_cast<std::int64_t>(wire))
                                                  : static_cast<std::uint64_t>(wire);
@@ -164,6 +174,7 @@ std::uint64_t scaled_bits(const FieldTable& field, nb::handle value, const Path&
 
 /// Return the field's bits for a number that fits.
 std::uint64_t raw_of(const FieldTable& field, std::uint64_t bits) {
+  if (field.kind == FieldKind::bcd) return to_bcd(bits);
   const auto number = static_cast<std::int64_t>(bits);
   if (!field.sign_magnitude || number >= 0) return bits & low_bits(field.width);
   return (std::uint64_t{1} << (field.width - 1)) | (0 - bits);
@@ -259,7 +270,9 @@ nb::object decode_element(const FieldTable& field, std::uint64_t raw) {
       const double wire = float_of(field, raw);
       return steal(PyFloat_FromDouble(field.scaled ? to_si(field, wire) : wire));
     }
+    case FieldKind::bcd:
     case FieldKind::unsigned_integer: {
+      raw = unsigned_of(field, raw);
       if (field.has_flags) return flag_names(field, raw);
       if (nb::object name = enumerator(field, raw); name.is_valid()) return name;
       if (field.scaled) return steal(PyFloat_FromDouble(to_si(field, static_cast<double>(raw))));
@@ -299,6 +312,10 @@ std::string fault_of(const FieldTable& field, std::uint64_t raw) {
       break;
     }
     default: {
+      if (field.kind == FieldKind::bcd && unsigned_of(field, raw) == bcd_end(field.width)) {
+        return " has the digits " + hex_text(raw) + ", and others than 0 to 9 are no number";
+      }
+      raw = unsigned_of(field, raw);
       if (field.has_enum && !enumerator(field, raw).is_valid()) {
         return " is " + std::to_string(raw) + ", which is no enumerator";
       }
@@ -341,6 +358,7 @@ std::uint64_t encode_element(const FieldTable& field, nb::handle value, const Pa
       return bits;
     }
     case FieldKind::unsigned_integer:
+    case FieldKind::bcd:
     case FieldKind::signed_integer: {
       if (field.has_flags) return flag_bits(field, value, path);
       if (field.has_enum) return raw_of(field, enum_bits(field, value, path));

@@ -50,6 +50,11 @@ inline std::int64_t signed_of(const FieldTable& field, std::uint64_t raw) {
   return field.sign_magnitude ? from_sign_magnitude(raw, field.width) : from_twos_complement(raw, field.width);
 }
 
+/// Return the integer of an unsigned field. Of decimal digits that are none: see `from_bcd`.
+inline std::uint64_t unsigned_of(const FieldTable& field, std::uint64_t raw) {
+  return field.kind == FieldKind::bcd ? from_bcd(raw, field.width) : raw;
+}
+
 /// Convert a number on the wire to its value. Any thread. A float keeps minus zero; an integer's zero has no sign.
 inline double to_si(const FieldTable& field, double wire) {
   if (field.kind != FieldKind::floating) {

@@ -23,6 +23,7 @@ double as_double(nb::handle value) {
 constexpr std::pair<const char*, FieldKind> kinds[] = {
     {"unsigned", FieldKind::unsigned_integer},
     {"signed", FieldKind::signed_integer},
+    {"bcd", FieldKind::bcd},
     {"float", FieldKind::floating},
     {"bool", FieldKind::boolean},
     {"text", FieldKind::text},

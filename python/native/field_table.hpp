@@ -17,7 +17,16 @@ namespace wirebond::engine {
 namespace nb = nanobind;
 
 /// Bit fields are a structure whose fields are loaded from the same bytes. Tables contain no padding.
-enum class FieldKind : std::uint8_t { unsigned_integer, signed_integer, floating, boolean, text, bytes, structure };
+enum class FieldKind : std::uint8_t {
+  unsigned_integer,
+  signed_integer,
+  bcd,
+  floating,
+  boolean,
+  text,
+  bytes,
+  structure
+};
 
 /// How often a field occurs.
 enum class Repeat : std::uint8_t {

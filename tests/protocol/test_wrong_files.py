@@ -100,7 +100,7 @@ SYNTAX = [
         "`char` is not a type here; write `text` for letters (`size: 8`), or `u8` for a number",
     ),
     ("type: i16", "type: @float", "`float` is not a type here; write `f32`"),
-    ("type: i16", "type: @i65", "possible: u8, i8 and s8 to u64, i64 and s64 in steps of 8 bits, f32,"),
+    ("type: i16", "type: @i65", "possible: u8, i8 and s8 to u64, i64 and s64 in steps of 8 bits, bcd8 to bcd56"),
     ("type: u8, enum", "type: @u8le, enum", "`u8le` has no byte order to choose; write `u8`"),
     ("scale: 0.001", "scale: @1/1000", "`1/1000` is not a number; write a decimal"),
     ("scale: 0.001", "scale: 0,@001", "`001` is not a key; write a decimal number with a point, such as `0.001`"),

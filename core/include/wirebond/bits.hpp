@@ -1,4 +1,5 @@
-// Numbers of any width: inside a string of bits, and with their sign in the top bit. For whole bytes see bytes.hpp.
+// Numbers of any width and coding: inside a string of bits, with their sign in the top bit, or in decimal digits. For
+// binary numbers of whole bytes see bytes.hpp.
 #pragma once
 
 #include <cstddef>
@@ -66,16 +67,45 @@ constexpr std::int64_t from_sign_magnitude(std::uint64_t raw, unsigned width) {
   return ((raw >> (width - 1)) & 1) != 0 ? -amount : amount;
 }
 
-/// How the sign of a number is encoded.
-enum class Sign : std::uint8_t { twos_complement, magnitude };
+/// Return 10 to the power of the decimal digits, of four bits each, that `width` bits have room for.
+constexpr std::uint64_t bcd_end(unsigned width) {
+  std::uint64_t end = 1;
+  for (; width >= 4; width -= 4) end *= 10;
+  return end;
+}
+
+/// Return the number whose decimal digits are the lowest `width` (4 to 60) bits of `raw`, four bits each, the highest
+/// first. If one of them is above 9, this is no number, and the result is `bcd_end`, which is above all of them.
+constexpr std::uint64_t from_bcd(std::uint64_t raw, unsigned width) {
+  std::uint64_t number = 0;
+  for (unsigned place = width; place >= 4; place -= 4) {
+    const std::uint64_t digit = (raw >> (place - 4)) & 0xF;
+    if (digit > 9) return bcd_end(width);
+    number = 10 * number + digit;
+  }
+  return number;
+}
+
+/// Return the decimal digits of a number, four bits each; pairs with `from_bcd`.
+constexpr std::uint64_t to_bcd(std::uint64_t number) {
+  std::uint64_t raw = 0;
+  for (unsigned place = 0; number != 0; place += 4, number /= 10) raw |= (number % 10) << place;
+  return raw;
+}
+
+/// What the bits of a whole number mean: its value, of a signed one in two's complement; its sign, and then its
+/// magnitude; or its decimal digits.
+enum class Coding : std::uint8_t { binary, sign_magnitude, bcd };
 
 /// Return the number in the lowest `Width` bits of `raw`; higher bits are ignored.
-template <class T, unsigned Width, Sign Encoding = Sign::twos_complement>
+template <class T, unsigned Width, Coding Encoding = Coding::binary>
 constexpr T from_bits(std::uint64_t raw) {
   static_assert(std::is_integral_v<T> && Width <= 8 * sizeof(T), "the number needs room for its bits");
-  if constexpr (std::is_unsigned_v<T>) {
+  if constexpr (Encoding == Coding::bcd) {
+    return static_cast<T>(from_bcd(raw, Width));
+  } else if constexpr (std::is_unsigned_v<T>) {
     return static_cast<T>(raw & low_bits(Width));
-  } else if constexpr (Encoding == Sign::magnitude) {
+  } else if constexpr (Encoding == Coding::sign_magnitude) {
     return static_cast<T>(from_sign_magnitude(raw, Width));
   } else {
     return static_cast<T>(from_twos_complement(raw, Width));
@@ -83,19 +113,22 @@ constexpr T from_bits(std::uint64_t raw) {
 }
 
 /// Encode `value`; pairs with `from_bits`. Returns false if it does not fit; `raw` is then unchanged.
-template <unsigned Width, Sign Encoding = Sign::twos_complement, class T>
+template <unsigned Width, Coding Encoding = Coding::binary, class T>
 constexpr bool to_bits(T value, std::uint64_t& raw) {
   static_assert(std::is_integral_v<T> && Width <= 8 * sizeof(T), "the number needs room for its bits");
-  if constexpr (std::is_unsigned_v<T>) {
+  if constexpr (Encoding == Coding::bcd) {
+    if (value >= bcd_end(Width)) return false;
+    raw = to_bcd(value);
+  } else if constexpr (std::is_unsigned_v<T>) {
     if (value > low_bits(Width)) return false;
     raw = value;
   } else {
     const auto wide = static_cast<std::int64_t>(value);
     constexpr auto most = static_cast<std::int64_t>(low_bits(Width) >> 1);
-    constexpr std::int64_t least = Encoding == Sign::magnitude ? -most : -most - 1;
+    constexpr std::int64_t least = Encoding == Coding::sign_magnitude ? -most : -most - 1;
     if (wide > most || wide < least) return false;
     const std::uint64_t bits = static_cast<std::uint64_t>(wide) & low_bits(Width);
-    if constexpr (Encoding == Sign::magnitude) {
+    if constexpr (Encoding == Coding::sign_magnitude) {
       raw = wide < 0 ? (std::uint64_t{1} << (Width - 1)) | static_cast<std::uint64_t>(-wide) : bits;
     } else {
       raw = bits;
@@ -105,13 +138,13 @@ constexpr bool to_bits(T value, std::uint64_t& raw) {
 }
 
 /// Read number `index` of a packed stream of numbers of `Width` bits that begins at `from`.
-template <class T, unsigned Width, BitOrder Order, Sign Encoding = Sign::twos_complement>
+template <class T, unsigned Width, BitOrder Order, Coding Encoding = Coding::binary>
 WIREBOND_INLINE T load_packed(const std::uint8_t* from, std::size_t index) {
   return from_bits<T, Width, Encoding>(load_bits(from, index * Width, Width, Order));
 }
 
 /// Store a number; pairs with `load_packed`. Returns false if `value` does not fit; nothing is stored then.
-template <unsigned Width, BitOrder Order, Sign Encoding = Sign::twos_complement, class T>
+template <unsigned Width, BitOrder Order, Coding Encoding = Coding::binary, class T>
 WIREBOND_INLINE bool store_packed(std::uint8_t* to, std::size_t index, T value) {
   std::uint64_t raw = 0;
   if (!to_bits<Width, Encoding>(value, raw)) return false;
@@ -120,14 +153,14 @@ WIREBOND_INLINE bool store_packed(std::uint8_t* to, std::size_t index, T value) 
 }
 
 /// Return the number of `Width` bits whose lowest is bit `Shift` of `bits`.
-template <class T, unsigned Width, unsigned Shift, Sign Encoding = Sign::twos_complement, class Bits>
+template <class T, unsigned Width, unsigned Shift, Coding Encoding = Coding::binary, class Bits>
 constexpr T extract_bits(Bits bits) {
   return from_bits<T, Width, Encoding>(static_cast<std::uint64_t>(bits) >> Shift);
 }
 
 /// Insert a number into bits that are zero there; pairs with `extract_bits`. Returns false if `value` does not fit;
 /// nothing is changed then.
-template <unsigned Width, unsigned Shift, Sign Encoding = Sign::twos_complement, class Bits, class T>
+template <unsigned Width, unsigned Shift, Coding Encoding = Coding::binary, class Bits, class T>
 constexpr bool insert_bits(Bits& bits, T value) {
   std::uint64_t raw = 0;
   if (!to_bits<Width, Encoding>(value, raw)) return false;
@@ -135,17 +168,17 @@ constexpr bool insert_bits(Bits& bits, T value) {
   return true;
 }
 
-/// Read a number stored as sign and magnitude; otherwise as load_integer of bytes.hpp.
-template <class T, ByteOrder Order = ByteOrder::little, unsigned Bytes = sizeof(T)>
-WIREBOND_INLINE T load_magnitude(const std::uint8_t* from) {
-  return from_bits<T, 8 * Bytes, Sign::magnitude>(load_bytes<Bytes, Order>(from));
+/// Read a number of whole bytes that is not plain binary; otherwise as load_integer of bytes.hpp.
+template <Coding Encoding, class T, ByteOrder Order = ByteOrder::little, unsigned Bytes = sizeof(T)>
+WIREBOND_INLINE T load_coded(const std::uint8_t* from) {
+  return from_bits<T, 8 * Bytes, Encoding>(load_bytes<Bytes, Order>(from));
 }
 
-/// Store a number; pairs with `load_magnitude`. Returns false if `value` does not fit; nothing is stored then.
-template <class T, ByteOrder Order = ByteOrder::little, unsigned Bytes = sizeof(T)>
-WIREBOND_INLINE bool store_magnitude(std::uint8_t* to, T value) {
+/// Store a number; pairs with `load_coded`. Returns false if `value` does not fit; nothing is stored then.
+template <Coding Encoding, class T, ByteOrder Order = ByteOrder::little, unsigned Bytes = sizeof(T)>
+WIREBOND_INLINE bool store_coded(std::uint8_t* to, T value) {
   std::uint64_t raw = 0;
-  if (!to_bits<8 * Bytes, Sign::magnitude>(value, raw)) return false;
+  if (!to_bits<8 * Bytes, Encoding>(value, raw)) return false;
   store_bytes(to, raw, Bytes, Order);
   return true;
 }

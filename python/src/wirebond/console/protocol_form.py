@@ -10,6 +10,8 @@ from wirebond.as_json import plain
 from wirebond.codec import Codec
 from wirebond.link.attached.words import is_controlled
 from wirebond.protocol.model import (
+    INTEGERS,
+    NUMBERS,
     Deadline,
     End,
     Field,
@@ -22,8 +24,6 @@ from wirebond.protocol.model import (
 )
 from wirebond.protocol.model.forms import header_fields
 from wirebond.recording.history.history import History
-
-_NUMBERS = (FieldKind.UNSIGNED, FieldKind.SIGNED, FieldKind.FLOAT)
 
 
 def protocol_form(codec: Codec, history: History, path: str, port: str, baud: int) -> dict[str, Any]:
@@ -110,11 +110,11 @@ def field_form(field: Field) -> dict[str, Any]:
     return {
         "name": field.name,
         "kind": _kind(field),
-        "is_integer": field.kind in (FieldKind.UNSIGNED, FieldKind.SIGNED) and not field.is_scaled,
+        "is_integer": field.kind in INTEGERS and not field.is_scaled,
         "unit": field.unit,
         "min": _bound(field, field.minimum, least=True),
         "max": _bound(field, field.maximum, least=False),
-        "step": scale if field.kind in (FieldKind.UNSIGNED, FieldKind.SIGNED) else None,
+        "step": scale if field.kind in INTEGERS else None,
         "on_range": field.on_range,
         "default": field.default,
         "values": dict(values) if values else None,
@@ -134,12 +134,12 @@ def _kind(field: Field) -> str:
         return "flags"
     if field.fields:
         return "struct"
-    return "number" if field.kind in _NUMBERS else field.kind.value
+    return "number" if field.kind in NUMBERS else field.kind.value
 
 
 def _bound(field: Field, given: float | None, *, least: bool) -> float | None:
     """What the file says; else what the wire can carry."""
-    if given is not None or field.kind not in (FieldKind.UNSIGNED, FieldKind.SIGNED):
+    if given is not None or field.kind not in INTEGERS:
         return given
     width = field.width
     if field.kind == FieldKind.UNSIGNED:

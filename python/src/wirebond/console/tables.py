@@ -9,7 +9,7 @@ import numpy as np
 from wirebond.as_json import plain
 from wirebond.codec import Message
 from wirebond.link.raw import is_raw
-from wirebond.protocol.model import End, Field, FieldKind
+from wirebond.protocol.model import NUMBERS, End, Field
 from wirebond.recording.history.source import Newest, Source
 from wirebond.recording.history.stream import Entry
 from wirebond.recording.history.told import message_dict
@@ -70,8 +70,7 @@ def _spark_column(source: Source, end: End, name: str) -> str | None:
 
 
 def _is_number(field: Field) -> bool:
-    kinds = (FieldKind.UNSIGNED, FieldKind.SIGNED, FieldKind.FLOAT)
-    return field.kind in kinds and not field.enum and not field.flags
+    return field.kind in NUMBERS and not field.enum and not field.flags
 
 
 def frame_entries(

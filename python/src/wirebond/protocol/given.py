@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from wirebond.protocol.meaning.field_values import has_default
-from wirebond.protocol.model import Field, FieldKind, GivenMessage, Protocol
+from wirebond.protocol.model import INTEGERS, Field, FieldKind, GivenMessage, Protocol
 
 # How far two reals may differ that were the same: as floats they are off by some units in the last place.
 _SAME_REAL = 2.0**-20
@@ -70,7 +70,7 @@ def _element_equal(field: Field, received: Any, given: Any) -> bool:
         return bool(received == given.ljust(field.size, b"\0"))
     if field.flags:
         return _flag_bits(field, received) == _flag_bits(field, given)
-    if field.kind in (FieldKind.UNSIGNED, FieldKind.SIGNED):
+    if field.kind in INTEGERS:
         return field.wire_bits(received) == field.wire_bits(given)
     if field.kind == FieldKind.FLOAT:
         is_rounded = field.size == 4 or field.is_scaled

@@ -33,7 +33,7 @@ from wirebond.protocol.model import (
 )
 from wirebond.protocol.model.forms import Choice
 
-_LETTERS = {FieldKind.UNSIGNED: "u", FieldKind.SIGNED: "i", FieldKind.FLOAT: "f"}
+_LETTERS = {FieldKind.UNSIGNED: "u", FieldKind.SIGNED: "i", FieldKind.FLOAT: "f", FieldKind.BCD: "bcd"}
 
 
 def bytes_text(data: bytes) -> str:

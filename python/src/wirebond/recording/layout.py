@@ -44,6 +44,7 @@ _JSON_TYPES = {
     FieldKind.BOOL: "boolean",
     FieldKind.UNSIGNED: "integer",
     FieldKind.SIGNED: "integer",
+    FieldKind.BCD: "integer",
     FieldKind.FLOAT: "number",
 }
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from wirebond import _engine
 from wirebond.errors import WirebondError
 from wirebond.protocol.given import is_given
-from wirebond.protocol.model import End, Field, FieldKind, OnRange
+from wirebond.protocol.model import NUMBERS, End, Field, FieldKind, OnRange
 from wirebond.protocol.model.forms import header_fields
 from wirebond.ros2.ros_words import RosWords
 from wirebond.ros2.throttle import Log, Throttle
@@ -245,11 +245,10 @@ class Commands:
 def _bounds(fields: Iterable[Field]) -> dict[str, tuple[float, float]]:
     """The finite values of each plain number. Most commands need no other look; the engine refuses what a type cannot
     hold."""
-    numbers = (FieldKind.FLOAT, FieldKind.SIGNED, FieldKind.UNSIGNED, FieldKind.BOOL)
     return {
         f.name: (-_MOST if f.minimum is None else f.minimum, _MOST if f.maximum is None else f.maximum)
         for f in fields
-        if f.kind in numbers and f.count is None and not f.is_list
+        if f.kind in (*NUMBERS, FieldKind.BOOL) and f.count is None and not f.is_list
     }
 
 

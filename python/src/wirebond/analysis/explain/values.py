@@ -277,6 +277,7 @@ def _struct(walk: _Walk, field: Field, name: str) -> Reading:
 _READERS: dict[FieldKind, Callable[[_Walk, Field, int | None], Reading]] = {
     FieldKind.UNSIGNED: _numbers,
     FieldKind.SIGNED: _numbers,
+    FieldKind.BCD: _numbers,
     FieldKind.FLOAT: _numbers,
     FieldKind.BOOL: _numbers,
     FieldKind.TEXT: _text,
@@ -308,7 +309,17 @@ def _number(field: Field, raw: int) -> _Number:
         return raw != 0, "true" if raw else "false", "" if raw <= 1 else f" is {raw}; a bool is 0 or 1"
     if field.kind == FieldKind.FLOAT:
         return _float(field, raw)
+    if field.kind == FieldKind.BCD:
+        return _decimal_digits(field, raw)
     return _whole(field, _signed(field, raw) if field.kind == FieldKind.SIGNED else raw)
+
+
+def _decimal_digits(field: Field, raw: int) -> _Number:
+    digits = f"{raw:0{field.width // 4}X}"
+    if digits.isdecimal():
+        return _whole(field, int(digits))
+    value, *_ = _whole(field, field.bcd_end)
+    return value, f"0x{digits}", f" is 0x{digits}, which has other digits than 0 to 9"
 
 
 def _signed(field: Field, raw: int) -> int:

@@ -9,9 +9,8 @@ from fractions import Fraction
 
 from wirebond.generate.code.cpp_number import Scaling, integer, nearest_float, real, real_type, wire_integer
 from wirebond.generate.code.names import identifier
-from wirebond.protocol.model import BitOrder, ByteOrder, Default, Field, FieldKind, OnRange
+from wirebond.protocol.model import NUMBERS, BitOrder, ByteOrder, Default, Field, FieldKind, OnRange
 
-NUMBERS = (FieldKind.UNSIGNED, FieldKind.SIGNED, FieldKind.FLOAT)
 _WHOLE_SIZES = (1, 2, 4, 8)
 
 
@@ -39,7 +38,7 @@ def comment_text(text: str) -> str:
 
 def is_plain(spec: Field) -> bool:
     """Is the member the wire's number itself, and fills it its bytes?"""
-    whole = spec.size in _WHOLE_SIZES and not spec.sign_magnitude
+    whole = spec.size in _WHOLE_SIZES and not _coding(spec)
     return spec.kind in NUMBERS and not spec.enum and not spec.is_scaled and whole
 
 
@@ -108,8 +107,8 @@ def member_comment(spec: Field, bits: str = "") -> str:
     if spec.clock is not None:
         facts.append("when its values were measured, on the MCU's clock")
     if spec.minimum is not None or spec.maximum is not None:
-        low = "" if spec.minimum is None else f"{spec.minimum:g}"
-        high = "" if spec.maximum is None else f"{spec.maximum:g}"
+        low = "" if spec.minimum is None else f"{spec.minimum:.15g}"
+        high = "" if spec.maximum is None else f"{spec.maximum:.15g}"
         limits = f"{low} to {high}" if low and high else f"at least {low}" if low else f"at most {high}"
         facts.append(f"{limits} ({spec.on_range.value})")
     if spec.is_string and spec.is_variable:
@@ -128,6 +127,13 @@ def member_comment(spec: Field, bits: str = "") -> str:
 # ---- numbers ----------------------------------------------------------------------------------------------------
 
 
+def _coding(spec: Field) -> str:
+    """How the bits of a whole number mean it; empty where they are plain binary."""
+    if spec.kind == FieldKind.BCD:
+        return "wirebond::Coding::bcd"
+    return "wirebond::Coding::sign_magnitude" if spec.sign_magnitude else ""
+
+
 def _template_arguments(spec: Field, type_name: str) -> str:
     """Type, byte order and wire bytes, as far as they are not what the core takes by itself."""
     arguments = [type_name]
@@ -136,6 +142,10 @@ def _template_arguments(spec: Field, type_name: str) -> str:
     if spec.size not in _WHOLE_SIZES:
         arguments.append(str(spec.size))
     return f"<{', '.join(arguments)}>"
+
+
+def _coded_arguments(spec: Field, type_name: str) -> str:
+    return f"<{_coding(spec)}, {_template_arguments(spec, type_name)[1:]}"
 
 
 class _Limit(Enum):
@@ -196,7 +206,7 @@ def write_value(spec: Field, value: str, slot: Slot) -> list[str]:
     if not spec.is_scaled:
         return [*lines, _store_integer(spec, value, slot)]
     wire = Scaling(spec, real_type(spec)).to_wire(value)
-    if not spec.bits and not spec.sign_magnitude:
+    if not spec.bits and not _coding(spec):
         call = f"store_nearest{_template_arguments(spec, type_name)}({slot.place}, {wire})"
         return [*lines, f"if (!wirebond::{call}) return false;"]
     return [
@@ -220,9 +230,9 @@ def _packing(spec: Field) -> str:
 
 
 def _bit_arguments(spec: Field, slot: Slot) -> str:
-    """Width and place of a number that does not begin and end with a byte, and how its sign lies."""
+    """Width and place of a number that does not begin and end with a byte, and its coding."""
     place = str(slot.shift) if spec.packed is None else _packing(spec)
-    return f"{spec.bits}, {place}" + (", wirebond::Sign::magnitude" if spec.sign_magnitude else "")
+    return ", ".join(part for part in (str(spec.bits), place, _coding(spec)) if part)
 
 
 def _store_bool(spec: Field, value: str, slot: Slot) -> str:
@@ -240,8 +250,8 @@ def _store_integer(spec: Field, value: str, slot: Slot) -> str:
         call = f"store_packed<{_bit_arguments(spec, slot)}>({slot.place}, {slot.index}, {value})"
     elif spec.bits:
         call = f"insert_bits<{_bit_arguments(spec, slot)}>({slot.place}, {value})"
-    elif spec.sign_magnitude:
-        call = f"store_magnitude{_template_arguments(spec, wire.type_name)}({slot.place}, {value})"
+    elif _coding(spec):
+        call = f"store_coded{_coded_arguments(spec, wire.type_name)}({slot.place}, {value})"
     elif wire.is_whole:
         return f"wirebond::store{_template_arguments(spec, wire.type_name)}({slot.place}, {value});"
     else:
@@ -256,7 +266,9 @@ def load_integer(spec: Field, slot: Slot) -> str:
         return f"wirebond::load_packed<{wire.type_name}, {_bit_arguments(spec, slot)}>({slot.place}, {slot.index})"
     if spec.bits:
         return f"wirebond::extract_bits<{wire.type_name}, {_bit_arguments(spec, slot)}>({slot.place})"
-    load = "load_magnitude" if spec.sign_magnitude else "load" if wire.is_whole else "load_integer"
+    if _coding(spec):
+        return f"wirebond::load_coded{_coded_arguments(spec, wire.type_name)}({slot.place})"
+    load = "load" if wire.is_whole else "load_integer"
     return f"wirebond::{load}{_template_arguments(spec, wire.type_name)}({slot.place})"
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from wirebond.generate.code.cpp_field import initial_value
 from wirebond.generate.code.cpp_number import Scaling, integer, real, real_type
 from wirebond.generate.code.cpp_struct import Member, Shape, declared_string
-from wirebond.protocol.model import Field, FieldKind, GivenValue
+from wirebond.protocol.model import INTEGERS, NUMBERS, Field, FieldKind, GivenValue
 
 
 def given_value(member: Member, value: GivenValue) -> str:
@@ -82,7 +82,7 @@ def _repeats(spec: Field) -> bool:
 
 def _same(spec: Field, a: str, b: str) -> str:
     """Are two values the same number on the wire?"""
-    is_number = spec.kind in (FieldKind.UNSIGNED, FieldKind.SIGNED, FieldKind.FLOAT)
+    is_number = spec.kind in NUMBERS
     if not is_number or not spec.is_scaled or Scaling(spec, real_type(spec)).is_exact:
         return f"wirebond::detail::are_equal({a}, {b}, 0)"
     kind = real_type(spec)
@@ -93,8 +93,10 @@ def _same(spec: Field, a: str, b: str) -> str:
 
 def _as_carried(spec: Field, value: float | int | bool | str) -> float | int | bool | str:
     """Of a scaled integer the value that the wire carries: a receiver compares it with what it decoded."""
-    if spec.kind not in (FieldKind.UNSIGNED, FieldKind.SIGNED) or not spec.is_scaled or isinstance(value, str):
+    if spec.kind not in INTEGERS or not spec.is_scaled or isinstance(value, str):
         return value
+    if spec.kind == FieldKind.BCD:
+        return float(int(f"{spec.wire_bits(value):x}") * spec.scale + spec.offset)
     bits = spec.wire_bits(value)
     sign = 1 << (spec.width - 1)
     if spec.kind == FieldKind.SIGNED and bits & sign:

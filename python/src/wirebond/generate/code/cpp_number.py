@@ -54,6 +54,7 @@ class WireInteger:
     bits: int  # on the wire
     signed: bool
     sign_magnitude: bool = False
+    bcd_end: int = 0  # of decimal digits: what those become that are none; 0: it has no such digits
 
     @property
     def type_name(self) -> str:
@@ -66,16 +67,19 @@ class WireInteger:
 
     @property
     def high(self) -> int:
+        if self.bcd_end:
+            return self.bcd_end
         return (1 << (self.bits - self.signed)) - 1
 
     @property
     def is_whole(self) -> bool:
         """Does every value of the type fit on the wire?"""
-        return self.bits in (8, 16, 32, 64) and not self.sign_magnitude
+        return self.bits in (8, 16, 32, 64) and not self.sign_magnitude and not self.bcd_end
 
 
 def wire_integer(field: Field) -> WireInteger:
-    return WireInteger(field.width, field.kind == FieldKind.SIGNED, field.sign_magnitude)
+    bcd_end = field.bcd_end if field.kind == FieldKind.BCD else 0
+    return WireInteger(field.width, field.kind == FieldKind.SIGNED, field.sign_magnitude, bcd_end)
 
 
 def real_type(field: Field) -> str:

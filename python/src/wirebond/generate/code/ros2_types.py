@@ -220,7 +220,7 @@ def _type_of(spec: Field) -> str:
     if spec.kind == FieldKind.FLOAT or spec.is_scaled:
         return "float32" if spec.kind == FieldKind.FLOAT and spec.size <= 4 and not spec.is_scaled else "float64"
     size = next(size for size in _SIZES if size >= spec.width)
-    return f"{'u' if spec.kind == FieldKind.UNSIGNED or spec.flags else ''}int{size}"
+    return f"{'' if spec.kind == FieldKind.SIGNED else 'u'}int{size}"
 
 
 def _default(spec: Field) -> str:

@@ -177,6 +177,7 @@ def _bytes(field: Field, size: int) -> bytes:
 _VALUES: dict[FieldKind, Callable[[Field, int], Any]] = {
     FieldKind.UNSIGNED: _whole,
     FieldKind.SIGNED: _whole,
+    FieldKind.BCD: _whole,
     FieldKind.FLOAT: _float,
     FieldKind.BOOL: lambda field, index: index % 2 == 0,  # noqa: ARG005  (the table's signature)
     FieldKind.PADDING: lambda field, index: None,  # noqa: ARG005  (it has no value)

@@ -14,8 +14,9 @@ def markdown(codec: Codec) -> str:
         lines += [model.description, ""]
     lines += [
         "Bytes are written in hexadecimal, in the order in which they are sent. Offsets count from 0. Types: `u` is",
-        "unsigned, `i` signed (two's complement), `s` signed (the top bit is the sign, the others the amount), `f`",
-        "IEEE 754; the number is the width in bits. Numbers of several bytes are little-endian, with `be` big-endian.",
+        "unsigned, `i` signed (two's complement), `s` signed (the top bit is the sign, the others the amount),",
+        "`bcd` decimal digits of four bits each, `f` IEEE 754; the number is the width in bits. Numbers of several",
+        "bytes are little-endian, with `be` big-endian.",
         "*value* says how the number on the wire becomes the value in its unit.",
         "",
         f"Protocol hash: `{codec.hash:016x}`. It changes when the bytes' meaning does.",

@@ -7,10 +7,9 @@ import sys
 from fractions import Fraction
 
 from wirebond.protocol.decimals import decimal_text
-from wirebond.protocol.model import Default, Field, FieldKind
+from wirebond.protocol.model import INTEGERS, Default, Field, FieldKind
 from wirebond.protocol.problems import quoted, suggestion
 
-INTEGERS = (FieldKind.UNSIGNED, FieldKind.SIGNED)
 F64_MAX = Fraction(sys.float_info.max)
 F32_MAX = Fraction(2**24 - 1) * 2**104
 F32_MIN = Fraction(1, 2**126)  # with all its digits
@@ -28,6 +27,8 @@ def wire_limits(field: Field) -> tuple[Fraction, Fraction]:
     if field.kind == FieldKind.SIGNED:
         half = 2 ** (field.width - 1)
         return Fraction(1 - half if field.sign_magnitude else -half), Fraction(half - 1)
+    if field.kind == FieldKind.BCD:
+        return Fraction(0), Fraction(field.bcd_end - 1)
     greatest = F32_MAX if field.size == 4 else F64_MAX
     return -greatest, greatest
 

@@ -14,14 +14,13 @@ from wirebond.protocol.meaning.field_values import (
     F32_MAX,
     F32_MIN,
     F64_MAX,
-    INTEGERS,
     Given,
     fit_value,
     number_text,
     value_limits,
     wire_limits,
 )
-from wirebond.protocol.model import BitOrder, ByteOrder, End, Field, FieldKind, OnRange
+from wirebond.protocol.model import INTEGERS, NUMBERS, BitOrder, ByteOrder, End, Field, FieldKind, OnRange
 from wirebond.protocol.problems import Place, Problems
 from wirebond.protocol.stamps import stamp_fault
 from wirebond.protocol.text.field_grammar import (
@@ -42,22 +41,21 @@ _MOST_STEPS = 2**48
 
 MAX_CONSTANT = 64  # bytes of the constants of one message
 
-_NUMBERS = (*INTEGERS, FieldKind.FLOAT)
 _STRINGS = (FieldKind.TEXT, FieldKind.BYTES)
 
 # Which options have a meaning for which types. The others are refused rather than ignored.
 _OPTIONS: tuple[tuple[str, tuple[FieldKind, ...], str], ...] = (
-    ("count", (*_NUMBERS, FieldKind.BOOL), "numbers and bool; give a text its bytes with `size` or `max`"),
+    ("count", (*NUMBERS, FieldKind.BOOL), "numbers and bool; give a text its bytes with `size` or `max`"),
     ("packed", (*INTEGERS, FieldKind.BOOL), "whole numbers and bool; remove it"),
     ("size", (*_STRINGS, FieldKind.PADDING), "text, bytes and padding; for an array of numbers write `count`"),
     ("ends_with", _STRINGS, "text and bytes; remove it"),
-    ("scale", _NUMBERS, "numbers; remove it"),
-    ("offset", _NUMBERS, "numbers; remove it"),
-    ("unit", _NUMBERS, "numbers; remove it"),
-    ("range", _NUMBERS, "numbers; remove it"),
+    ("scale", NUMBERS, "numbers; remove it"),
+    ("offset", NUMBERS, "numbers; remove it"),
+    ("unit", NUMBERS, "numbers; remove it"),
+    ("range", NUMBERS, "numbers; remove it"),
     ("enum", INTEGERS, "whole numbers; take u8, or remove it"),
     ("flags", (FieldKind.UNSIGNED,), "unsigned whole numbers; take u8, or remove it"),
-    ("default", (*_NUMBERS, FieldKind.BOOL, *_STRINGS), "values, and padding has none; remove it"),
+    ("default", (*NUMBERS, FieldKind.BOOL, *_STRINGS), "values, and padding has none; remove it"),
     (
         "constant",
         (*INTEGERS, FieldKind.BOOL, *_STRINGS),
@@ -123,6 +121,7 @@ class ValueReader:
         """The field with its default, after all that its options mean together."""
         if not self._means_something(field):
             return None
+        field = _with_range_of_digits(field)
         assert isinstance(self._syntax, ValueSyntax)
         default: Given | None = self._syntax.default
         if default is None:
@@ -192,14 +191,12 @@ class ValueReader:
             self._wrong(self._node.value_place("constant"), fault)
             return None
         assert isinstance(value, int)
-        if field.sign_magnitude and value < 0:
-            value = (1 << field.width - 1) - value
-        return _as_constant(field, value % (1 << field.width))
+        return _as_constant(field, field.wire_bits(value))
 
     def _validate_scale(self, field: Field) -> None:
         if field.scale == 0:
             self._wrong(self._node.value_place("scale"), "a scale of 0 would make every value the same; write another")
-        elif field.kind in _NUMBERS and field.is_scaled:
+        elif field.kind in NUMBERS and field.is_scaled:
             for option, fault in _scale_faults(field):
                 self._wrong(self._node.value_place(option), fault)
 
@@ -264,6 +261,14 @@ class ValueReader:
             other = by_bit.setdefault(bit, name)
             if other != name:
                 self._wrong(node.value_place(name), f"`{other}` is bit {bit} already; give `{name}` a bit of its own")
+
+
+def _with_range_of_digits(field: Field) -> Field:
+    """Decimal digits have a range of their own, so that a receiver refuses what is no digit: see `Field.bcd_end`."""
+    if field.kind != FieldKind.BCD or field.enum or field.minimum is not None:
+        return field
+    least, greatest = value_limits(field)
+    return replace(field, minimum=float(least), maximum=float(greatest))
 
 
 def _as_constant(field: Field, wire: int) -> Field:

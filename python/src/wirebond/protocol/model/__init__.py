@@ -3,7 +3,17 @@
 Nothing here reads a file, and nothing here knows how a frame is found or laid out in memory (see ``plan``).
 """
 
-from wirebond.protocol.model.fields import BitOrder, ByteOrder, Default, End, Field, FieldKind, OnRange
+from wirebond.protocol.model.fields import (
+    INTEGERS,
+    NUMBERS,
+    BitOrder,
+    ByteOrder,
+    Default,
+    End,
+    Field,
+    FieldKind,
+    OnRange,
+)
 from wirebond.protocol.model.frames import (
     SENDER_NUMBERS,
     Address,
@@ -46,7 +56,9 @@ from wirebond.protocol.model.protocol import (
 )
 
 __all__ = [
+    "INTEGERS",
     "MAX_LATENCY",
+    "NUMBERS",
     "PAUSE_MARGIN",
     "SENDER_NUMBERS",
     "Address",

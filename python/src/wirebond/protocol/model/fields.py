@@ -31,6 +31,7 @@ class BitOrder(StrEnum):
 class FieldKind(StrEnum):
     UNSIGNED = "unsigned"
     SIGNED = "signed"
+    BCD = "bcd"  # not negative, and in decimal digits of four bits each
     FLOAT = "float"
     BOOL = "bool"
     TEXT = "text"  # UTF-8
@@ -38,6 +39,10 @@ class FieldKind(StrEnum):
     PADDING = "padding"  # no value; sent as zeros and ignored on receive, or ``constant``
     BITS = "bits"  # a number whose bits are shared by ``fields``
     STRUCT = "struct"  # ``fields``, once or several times
+
+
+INTEGERS = (FieldKind.UNSIGNED, FieldKind.SIGNED, FieldKind.BCD)
+NUMBERS = (*INTEGERS, FieldKind.FLOAT)
 
 
 class OnRange(StrEnum):
@@ -119,7 +124,7 @@ class Field:
     def is_exact_in_double(self) -> bool:
         """Are all whole numbers exact in a double, between a wire number and its value?"""
         numerator, addend, denominator = self.common_factors
-        largest = (1 << self.width) * abs(numerator) + abs(addend)
+        largest = self._span * abs(numerator) + abs(addend)
         return self.kind != FieldKind.FLOAT and max(largest, denominator) <= 2**53
 
     @property
@@ -140,7 +145,7 @@ class Field:
         Each operation and each constant is off by half a unit in the last place at most (IEEE 754, round to nearest):
         there are five of the value's size on the way, and three of the offset's.
         """
-        span = (1 << self.width) * abs(self.scale)
+        span = self._span * abs(self.scale)
         return (5 * span + 3 * abs(self.offset)) / (1 << mantissa)
 
     @property
@@ -152,6 +157,16 @@ class Field:
     def width(self) -> int:
         """Bits of one element."""
         return self.bits or 8 * self.size
+
+    @property
+    def _span(self) -> int:
+        """More than the difference of any two whole numbers on the wire."""
+        return self.bcd_end if self.kind == FieldKind.BCD else 1 << self.width
+
+    @property
+    def bcd_end(self) -> int:
+        """The number behind the greatest one of kind BCD. It also stands for digits above 9, which are no number."""
+        return 10 ** (self.width // 4)
 
     def wire_bits(self, value: float | int | str) -> int:
         """The bits on the wire of one integer's value, at the bottom. The value fits: see ``field_values``.
@@ -166,6 +181,8 @@ class Field:
             number = int(copysign(floor(abs(wire) + 0.5), wire))
         else:
             number = int(value)
+        if self.kind == FieldKind.BCD:
+            return int(str(number), 16)
         if self.sign_magnitude and number < 0:
             return 1 << (self.width - 1) | -number
         return number & ((1 << self.width) - 1)

@@ -151,7 +151,8 @@ class PlainSyntax(ValueSyntax):
 
     type: FieldType = Field(
         description="Type on the wire; `le` or `be` behind a number's type sets its byte order. u1 to u64, i2 to "
-        "i64 and s2 to s64 (sign and amount) where `packed` stands beside it, else in steps of 8 bits.",
+        "i64, s2 to s64 (sign and amount) and bcd4 to bcd60 (decimal digits) where `packed` stands beside it, else in "
+        "steps of 8 bits.",
         examples=["u16"],
     )
     count: ElementCount | None = Field(

@@ -12,9 +12,14 @@ from wirebond.protocol.problems import quoted
 from wirebond.protocol.text.scalars import FOREIGN_TYPES, WireType, both_orders, describe, wrong
 
 _INTEGERS = {"u": FieldKind.UNSIGNED, "i": FieldKind.SIGNED, "s": FieldKind.SIGNED}
-_ANY_WIDTH = re.compile(r"([uis])([1-9][0-9]?)")
-_ANY_WIDTH_PATTERN = r"^(u([1-9]|[1-5][0-9]|6[0-4])|[is]([2-9]|[1-5][0-9]|6[0-4]))$"
-_POSSIBLE = "u8, i8 and s8 to u64, i64 and s64 in steps of 8 bits, f32, f64, bool, text, bytes, padding"
+_ANY_WIDTH = re.compile(r"([uis]|bcd)([1-9][0-9]?)")
+_BINARY = r"u([1-9]|[1-5][0-9]|6[0-4])|[is]([2-9]|[1-5][0-9]|6[0-4])"
+_DECIMAL = r"bcd([48]|[135][26]|[24][048]|60)"
+_MOST_BCD = 60  # bits: a double has all numbers of 15 digits
+_POSSIBLE = (
+    "u8, i8 and s8 to u64, i64 and s64 in steps of 8 bits, bcd8 to bcd56 (two decimal digits in each byte), f32, f64, "
+    "bool, text, bytes, padding"
+)
 _ORDERS = "`le` or `be` behind a number's type sets its byte order"
 
 
@@ -24,6 +29,8 @@ def _whole_types() -> dict[str, WireType]:
     for letter, kind in _INTEGERS.items():
         for size in range(1, 9):
             table |= both_orders(f"{letter}{8 * size}", kind, size, sign_magnitude=letter == "s")
+    for size in range(1, 8):
+        table |= both_orders(f"bcd{8 * size}", FieldKind.BCD, size)
     for size in (4, 8):
         table |= both_orders(f"f{8 * size}", FieldKind.FLOAT, size)
     table["bool"] = WireType("bool", FieldKind.BOOL, 1)
@@ -38,16 +45,24 @@ _CONTAINER_TYPES = {word: t for word, t in _WHOLE_TYPES.items() if t.kind == Fie
 
 
 def _any_width(word: str) -> WireType | None:
-    """An integer of 1 to 64 bits; with a sign it has 2 at least."""
+    """An integer of 1 to 64 bits; with a sign it has 2 at least, and in decimal digits 4 for each."""
     match = _ANY_WIDTH.fullmatch(word)
     if match is None:
         return None
     letter, bits = match[1], int(match[2])
+    if letter == "bcd":
+        return _bcd(word, bits)
     if bits > 64 or (bits == 1 and letter != "u"):
         return None
     if bits % 8 == 0:
         return _WHOLE_TYPES[word]
     return WireType(word, _INTEGERS[letter], 0, bits=bits, sign_magnitude=letter == "s")
+
+
+def _bcd(word: str, bits: int) -> WireType | None:
+    if bits % 4 or bits > _MOST_BCD:
+        return None
+    return _WHOLE_TYPES.get(word) or WireType(word, FieldKind.BCD, 0, bits=bits)
 
 
 def _field_type(value: object) -> WireType:
@@ -67,7 +82,7 @@ def _field_type(value: object) -> WireType:
 
 
 def _bit_type(value: object) -> WireType:
-    possible = "possible: u1 to u64, i2 to i64, s2 to s64, bool, padding"
+    possible = "possible: u1 to u64, i2 to i64, s2 to s64, bcd4 to bcd60 in steps of 4, bool, padding"
     found = (_WHOLE_TYPES.get(value) or _any_width(value)) if isinstance(value, str) else None
     if found is None or found.order is not None or found.kind in (FieldKind.FLOAT, FieldKind.TEXT, FieldKind.BYTES):
         raise wrong(f"{describe(value)} is not a type of a bit field; {possible}")
@@ -110,13 +125,14 @@ def _header_type(value: object) -> WireType:
 def _run_type(value: object) -> WireType:
     """A header field among bits."""
     found = (_WHOLE_INTEGERS.get(value) or _any_width(value)) if isinstance(value, str) else None
-    if found is None or found.order is not None:
+    if found is None or found.order is not None or found.kind == FieldKind.BCD:
         raise wrong(f"{describe(value)} is not a type of a run of bits; possible: u1 to u64, i2 to i64, s2 to s64")
     return found
 
 
 TypeWord: Any = Literal[tuple(_WHOLE_TYPES)]
-_WidthText = Annotated[str, Field(pattern=_ANY_WIDTH_PATTERN)]
+_WidthText = Annotated[str, Field(pattern=f"^({_BINARY}|{_DECIMAL})$")]
+_RunText = Annotated[str, Field(pattern=f"^({_BINARY})$")]
 FieldType = Annotated[
     WireType,
     PlainValidator(_field_type, json_schema_input_type=TypeWord | _WidthText),
@@ -126,4 +142,4 @@ ContainerType = Annotated[
     WireType, PlainValidator(_container_type, json_schema_input_type=Literal[tuple(_CONTAINER_TYPES)])
 ]
 HeaderType = Annotated[WireType, PlainValidator(_header_type, json_schema_input_type=Literal[tuple(_WHOLE_INTEGERS)])]
-RunType = Annotated[WireType, PlainValidator(_run_type, json_schema_input_type=_WidthText)]
+RunType = Annotated[WireType, PlainValidator(_run_type, json_schema_input_type=_RunText)]

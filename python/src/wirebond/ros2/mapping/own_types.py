@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from wirebond.generate.code.ros2_types import FRAME, Definition, Member, interfaces
-from wirebond.protocol.model import End, FieldKind, Protocol
+from wirebond.protocol.model import NUMBERS, End, FieldKind, Protocol
 from wirebond.ros2 import cdr
 from wirebond.ros2.mapping.filler import Reading, Tree
 from wirebond.ros2.mapping.grammar import Source
@@ -18,7 +18,6 @@ from wirebond.ros2.mapping.unpacking import UnpackPlan, unpack_plan
 from wirebond.ros2.node import Qos
 from wirebond.ros2.types import RosType, types_from
 
-_NUMBERS = (FieldKind.FLOAT, FieldKind.SIGNED, FieldKind.UNSIGNED, FieldKind.BOOL)
 _MOST_PLACES = 64  # elements of an array that are packed one by one; a longer one is packed as a whole
 
 _Convert = Callable[[Any], Any]
@@ -79,7 +78,8 @@ class OwnTypes:
     def plan(self, message: str) -> UnpackPlan | None:
         """How the engine reads them; None: one of them is more than a number."""
         members = [(m.name, m.spec) for m in self._found.messages[message].members if m.spec is not None]
-        if not all(spec.kind in _NUMBERS and spec.count is None and not spec.is_list for _, spec in members):
+        kinds = (*NUMBERS, FieldKind.BOOL)
+        if not all(spec.kind in kinds and spec.count is None and not spec.is_list for _, spec in members):
             return None
         if any(spec.enum or spec.flags for _, spec in members):
             return None
