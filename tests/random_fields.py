@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from decimal import Context, Decimal
 from enum import IntEnum
 from fractions import Fraction
+from itertools import pairwise
 
 from wirebond.protocol.names import code_name
 
@@ -264,7 +265,8 @@ class FieldSource:
                 left -= bits
         first = self._random.choice(("", ", first: high", ", first: low"))
         container = self._order(f"u{width}", width)
-        return Drawn(f"{{bits: {{type: {container}{first}, fields: {{{', '.join(members)}}}}}}}", width // 8)
+        listed = ", ".join(_at_times_in_pieces(members))
+        return Drawn(f"{{bits: {{type: {container}{first}, fields: {{{listed}}}}}}}", width // 8)
 
     # ---- strings and padding
 
@@ -423,6 +425,19 @@ def _at_times_digits(word: str, options: str) -> str:
     if found and is_free and int(found[1]) % 4 == 0 and int(found[1]) <= 60:
         word = f"bcd{found[1]}{found[2]}" if random.Random(word + options).random() < 0.4 else word
     return word + options
+
+
+def _at_times_in_pieces(members: list[str]) -> list[str]:
+    """The values that share a number's bits; where two without options have one kind, at times the second continues the
+    first. Drawn by itself, so that other fields stay as they are."""
+    plain = [(at, re.fullmatch(r"(\w+): \{type: ([uis]|bcd)(\d+)\}", text)) for at, text in enumerate(members)]
+    found = [(at, match[1], match[2], int(match[3])) for at, match in plain if match is not None]
+    for (_, name, letter, bits), (at, other, same, more) in pairwise(found):
+        fits = letter == same and bits + more <= (60 if letter == "bcd" else 64)
+        if fits and random.Random(" ".join(members)).random() < 0.7:
+            changed = f"{other}: {{type: {letter}{more}, continues: {name}}}"
+            return [*members[:at], changed, *members[at + 1 :]]
+    return members
 
 
 def decimal(value: Fraction) -> str:

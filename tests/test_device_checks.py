@@ -50,6 +50,21 @@ def test_frames_are_encoded_and_decoded(
     assert codec.encode(name, fields, header=header, sender=sender) == raw
 
 
+@pytest.mark.parametrize(
+    ("frame", "number", "second", "last"),
+    [
+        ("f1 f7 11 26 94 74", 1112694, 0xF7, 0x74),
+        ("f5 7c 43 24 32 a2", 5432432, 0x7C, 0xA2),
+        ("f6 dc 43 01 16 48", 6430116, 0xDC, 0x48),
+        ("f3 d8 25 48 17 e9", 3254817, 0xD8, 0xE9),
+        ("f0 ce 04 28 63 b2", 42863, 0xCE, 0xB2),
+    ],
+)
+def test_seven_digits_of_a_counter_that_lie_apart(frame: str, number: int, second: int, last: int) -> None:
+    values = {"all": {"number": number, "second": second, "last": last}}
+    test_frames_are_encoded_and_decoded("bcd_counter", "mcu", frame, "count", values, {})
+
+
 def test_the_words_of_the_stm32_are_those_of_its_manual() -> None:
     text = "wirebond: 1\nprotocol: one\nframe: [payload: 4, check: {type: stm32-crc, byte_order: big}]\n"
     codec = wirebond.Codec(loads(text + "messages: {word: {sender: mcu, fields: {word: u32le}}}\n"))

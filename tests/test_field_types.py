@@ -23,6 +23,7 @@ from wirebond import MessageError
 from wirebond.generate.code import generate_cpp
 from wirebond.generate.code.cpp import struct_names
 from wirebond.protocol import loads
+from wirebond.protocol.model import Protocol
 
 SHAPES = wirebond.load(ROOT / "tests" / "generate" / "code" / "every_shape.yaml")
 # What C++ does not validate: its bool and text take any byte, its flags any bit.
@@ -141,7 +142,10 @@ def test_sign_and_amount_and_odd_widths_lie_as_integers_packed_by_hand(
     assert received("magnitudes", expected).fields == values
 
 
-_HEAD = "wirebond: 1\nprotocol: p\nframe: [magic: 0xAA, id: u8, payload: by_id]\n"
+def of_fields(fields: str) -> Protocol:
+    """A protocol with one message."""
+    frame = "wirebond: 1\nprotocol: p\nframe: [magic: 0xAA, id: u8, payload: by_id]\n"
+    return loads(f"{frame}messages: {{m: {{id: 1, sender: mcu, fields: {{{fields}}}}}}}\n")
 
 
 def digits(number: int, size: int) -> bytes:
@@ -158,8 +162,10 @@ def test_decimal_digits_lie_as_their_number_is_written(
 ) -> None:
     values = {"one": one, "meters": meters / 100, "many": many, "mode": {0: "off", 10: "slow", 99: "fast"}[mode]}
     values |= {"near": near, "packed": packed, "bits": {"start": 15, "number": number}}
+    values |= {"apart": {"a": 1, "number": 7, "b": 2, "c": 3}, "three": {"x": 0.5, "f": False, "y": 0}}
     expected = digits(one, 1) + digits(meters, 3) + digits(many, 7)[::-1] + digits(mode, 1) + digits(near, 2)[::-1]
     expected += bytes.fromhex("".join(f"{n:03}" for n in packed) + "0") + bytes.fromhex(f"f{number:07}")
+    expected += bytes.fromhex("10 02 00 00 07 03") + b"\1\0\0\0"
     assert payload_of("digits", values) == expected
     message = received("digits", expected)
     assert message.fields == values
@@ -169,6 +175,7 @@ def test_decimal_digits_lie_as_their_number_is_written(
 def test_what_is_no_decimal_digit_is_refused() -> None:
     values = {"one": 12, "meters": 0.5, "many": 3, "mode": "slow", "near": 200, "packed": [1, 2, 3]}
     values["bits"] = {"start": 0, "number": 4}
+    values |= {"apart": {"a": 0, "number": 7, "b": 0, "c": 0}, "three": {"x": -1.5, "f": False, "y": 9}}
     payload = bytearray(payload_of("digits", values))
     for place, path in ((0, "one"), (3, "meters"), (5, "many"), (11, "mode"), (12, "near"), (14, "packed[0]")):
         wrong = bytearray(payload)
@@ -179,9 +186,53 @@ def test_what_is_no_decimal_digit_is_refused() -> None:
     assert [columns[name][0] for name in ("one", "meters", "many", "near", "bits.number")] == [12, 0.5, 3, 200, 4]
 
 
+@given(number=st.integers(0, 10**7 - 1), x=st.integers(-256, 255), f=st.booleans(), y=st.integers(0, 4095))
+def test_a_value_whose_bits_lie_apart_is_gathered_from_its_pieces(number: int, x: int, f: bool, y: int) -> None:
+    values = {"one": 0, "meters": 0.0, "many": 0, "mode": "off", "near": 100, "packed": [0, 0, 0]}
+    values["bits"] = {"start": 0, "number": 0}
+    values["apart"] = {"a": 1, "number": number, "b": 2, "c": 3}
+    values["three"] = {"x": x / 2, "f": f, "y": y}
+    all_digits, bits = f"{number:07}", x % 512
+    three = bits & 7 | f << 3 | (y & 31) << 4 | (bits >> 3 & 15) << 9 | (y >> 5) << 13 | (bits >> 7) << 20
+    expected = bytes.fromhex(f"1{all_digits[0]}02{all_digits[1:]}03") + three.to_bytes(4, "little")
+    payload = payload_of("digits", values)
+    assert payload[-10:] == expected
+    assert received("digits", payload).fields == values
+    columns = SHAPES.decode_columns(SHAPES.encode("digits", values), "mcu")["digits"]
+    assert [columns[name][0] for name in ("apart.number", "three.x", "three.f", "three.y")] == [number, x / 2, f, y]
+
+
+@pytest.mark.parametrize(
+    ("fields", "sentence"),
+    [
+        ("a: u4, b: {type: u4, continues: c}", "no value before this one is called `c`; "),
+        ("b: {type: u4, continues: a}, a: u4", "no value before this one is called `a`; the value comes first"),
+        ("a: u4, b: {type: i4, continues: a}", "`a` is `u4`; write `u4` here, too"),
+        ("a: bcd4, b: {type: u8, continues: a}", "`a` is `bcd4`; write `bcd8` here, too"),
+        ("a: u4, b: {type: u4, continues: a, scale: 2}", "these are bits of `a`; write `scale` there"),
+        ("a: bool, b: {type: bool, continues: a}", "`a` is no whole number of its own, so nothing continues it; "),
+        ("a: {type: u4, constant: 3}, b: {type: u4, continues: a}", "so nothing continues it"),
+        ("a: bcd32, b: {type: bcd32, continues: a}", "`a` has 64 bits in all; it can have 60 at most"),
+        ("a: u40, b: {type: u32, continues: a}", "`a` has 72 bits in all; it can have 64 at most"),
+        ("a: u4, b: {type: u61, continues: a}", "`a` has 65 bits in all"),
+        ("a: u4, b: {type: u4, continues: a}, c: {type: u4, continues: b}", "no value before this one is called `b`"),
+    ],
+)
+def test_what_cannot_continue_a_value(fields: str, sentence: str) -> None:
+    with pytest.raises(wirebond.ProtocolFileError, match=re.escape(sentence)):
+        of_fields(f"x: {{bits: {{type: u64, fields: {{{fields}}}}}}}")
+
+
+def test_a_value_in_pieces_counts_nothing() -> None:
+    bits = "{bits: {type: u16, fields: {n: u4, o: u4, m: {type: u4, continues: n}}}}"
+    with pytest.raises(wirebond.ProtocolFileError, match=re.escape("`b.n` cannot count")):
+        of_fields(f"b: {bits}, l: {{type: u8, count: b.n, max: 9}}")
+
+
 def test_a_constant_of_decimal_digits_is_its_digits() -> None:
-    text = "{version: {type: bcd16be, constant: 210}, x: {bits: {type: u8, fields: {low: {type: bcd4, constant: 7}}}}}"
-    model = loads(f"{_HEAD}messages: {{m: {{id: 1, sender: mcu, fields: {text}}}}}\n")
+    model = of_fields(
+        "version: {type: bcd16be, constant: 210}, x: {bits: {type: u8, fields: {low: {type: bcd4, constant: 7}}}}"
+    )
     assert wirebond.Codec(model).encode("m") == bytes.fromhex("aa 01 02 10 07")
 
 
@@ -199,7 +250,7 @@ def test_a_constant_of_decimal_digits_is_its_digits() -> None:
 )
 def test_what_decimal_digits_cannot_have(field: str, sentence: str) -> None:
     with pytest.raises(wirebond.ProtocolFileError, match=re.escape(sentence)):
-        loads(f"{_HEAD}messages: {{m: {{id: 1, sender: mcu, fields: {{x: {field}}}}}}}\n")
+        of_fields(f"x: {field}")
 
 
 def test_minus_zero_is_zero() -> None:

@@ -105,6 +105,21 @@ TEST_CASE("decimal digits are a number, and what is no digit is above all of the
   }
 }
 
+TEST_CASE("a number whose bits lie in several places is gathered from them, its lowest piece first") {
+  constexpr std::uint64_t bits = 0xF1F711269474;  // one digit behind F, six behind another byte
+  CHECK(wirebond::extract_split<std::uint32_t, Coding::bcd, 8, 24, 40, 4>(bits) == 1112694);
+  CHECK(wirebond::extract_split<std::int16_t, Coding::binary, 0, 3, 6, 2>(std::uint8_t{0xC5}) == -3);
+  CHECK(wirebond::extract_split<std::uint64_t, Coding::binary, 63, 1, 0, 63>(~std::uint64_t{1}) == ~std::uint64_t{2});
+  std::uint64_t filled = 0xF0F700000074;
+  CHECK(wirebond::insert_split<Coding::bcd, 8, 24, 40, 4>(filled, std::uint32_t{1112694}));
+  CHECK(filled == bits);
+  CHECK_FALSE(wirebond::insert_split<Coding::bcd, 8, 24, 40, 4>(filled, std::uint32_t{10000000}));
+  CHECK(filled == bits);
+  std::uint8_t small = 0;
+  CHECK(wirebond::insert_split<Coding::binary, 0, 3, 6, 2>(small, std::int16_t{-3}));
+  CHECK(small == 0xC5);
+}
+
 TEST_CASE("a list takes what it has room for, and never shows more than that") {
   wirebond::List<int, 2> list;
   CHECK(list.push_back(7));

@@ -136,7 +136,7 @@ void with_load(const FieldTable& field, EachRow each_row) {
       each_row([](const std::uint8_t* at, std::size_t i) { return load_bytes<size, ByteOrder::big>(at + i * size); });
     }
   };
-  const bool is_whole = field.repeat != Repeat::packed && field.width == 8 * field.size;
+  const bool is_whole = field.repeat != Repeat::packed && field.width == 8 * field.size && field.pieces.empty();
   if (field.repeat == Repeat::packed) {
     each_row([&](const std::uint8_t* at, std::size_t i) { return load_packed_raw(field, at, i); });
   } else if (is_whole && field.size == 1) {
@@ -158,7 +158,7 @@ bool stands_as(const FieldTable& field) {
 #if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
   return field.kind != FieldKind::boolean && field.repeat != Repeat::packed && field.size == sizeof(T) &&
          field.width == 8 * sizeof(T) && (field.order == ByteOrder::little || sizeof(T) == 1) && !field.scaled &&
-         !field.sign_magnitude && field.kind != FieldKind::bcd;
+         field.pieces.empty() && !field.sign_magnitude && field.kind != FieldKind::bcd;
 #else
   static_cast<void>(field);
   return false;

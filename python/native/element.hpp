@@ -22,8 +22,31 @@ struct Path {
   std::string text() const;
 };
 
+/// Return the bits of a number whose pieces lie at several places of `bits`.
+inline std::uint64_t joined_bits(const FieldTable& field, std::uint64_t bits) {
+  std::uint64_t raw = 0;
+  unsigned done = 0;
+  for (const auto& [place, width] : field.pieces) {
+    raw |= ((bits >> place) & low_bits(width)) << done;
+    done += width;
+  }
+  return raw;
+}
+
+/// Return `raw` at its places; pairs with `joined_bits`.
+inline std::uint64_t split_bits(const FieldTable& field, std::uint64_t raw) {
+  std::uint64_t bits = 0;
+  unsigned done = 0;
+  for (const auto& [place, width] : field.pieces) {
+    bits |= ((raw >> done) & low_bits(width)) << place;
+    done += width;
+  }
+  return bits;
+}
+
 inline std::uint64_t load_plain_raw(const FieldTable& field, const std::uint8_t* at, std::size_t index) {
-  return (load_bytes(at + index * field.size, field.size, field.order) >> field.shift) & low_bits(field.width);
+  const std::uint64_t bits = load_bytes(at + index * field.size, field.size, field.order);
+  return field.pieces.empty() ? (bits >> field.shift) & low_bits(field.width) : joined_bits(field, bits);
 }
 
 inline std::uint64_t load_packed_raw(const FieldTable& field, const std::uint8_t* at, std::size_t index) {
@@ -42,7 +65,8 @@ inline void store_raw(const FieldTable& field, std::uint8_t* at, std::size_t ind
     return;
   }
   std::uint8_t* const to = at + index * field.size;
-  store_bytes(to, load_bytes(to, field.size, field.order) | (raw << field.shift), field.size, field.order);
+  const std::uint64_t bits = field.pieces.empty() ? raw << field.shift : split_bits(field, raw);
+  store_bytes(to, load_bytes(to, field.size, field.order) | bits, field.size, field.order);
 }
 
 /// Return the integer of a signed field.

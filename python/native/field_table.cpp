@@ -114,7 +114,7 @@ std::vector<FieldTable> read_bits(nb::handle container) {
   std::vector<FieldTable> out;
   unsigned passed = 0;
   for (nb::handle field : container.attr("fields")) {
-    const auto width = nb::cast<unsigned>(field.attr("width"));
+    const auto width = nb::cast<unsigned>(field.attr("bits_here"));
     const unsigned shift = from_low ? passed : 8u * size - passed - width;
     passed += width;
     if (text_of(field.attr("kind")) == "padding") continue;
@@ -122,6 +122,9 @@ std::vector<FieldTable> read_bits(nb::handle container) {
     table.size = size;
     table.order = order;
     table.shift = static_cast<std::uint8_t>(shift);
+    for (nb::handle piece : field.attr("split")) {
+      table.pieces.emplace_back(nb::cast<std::uint8_t>(piece[0]), nb::cast<std::uint8_t>(piece[1]));
+    }
     out.push_back(std::move(table));
   }
   return out;

@@ -67,8 +67,9 @@ struct FieldTable {
   // One number.
   std::uint8_t size = 1;  ///< bytes that it is loaded from; for a bit field, those of all of them
   ByteOrder order = ByteOrder::little;
-  std::uint8_t shift = 0;  ///< position of its lowest bit in these bytes
-  std::uint8_t width = 8;  ///< bits
+  std::uint8_t shift = 0;                                     ///< position of its lowest bit in these bytes
+  std::uint8_t width = 8;                                     ///< bits
+  std::vector<std::pair<std::uint8_t, std::uint8_t>> pieces;  ///< lowest bit and width of each, if it has several
   bool sign_magnitude = false;
   BitOrder bit_order = BitOrder::low_first;
 

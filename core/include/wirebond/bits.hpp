@@ -168,6 +168,57 @@ constexpr bool insert_bits(Bits& bits, T value) {
   return true;
 }
 
+/// The pieces, two or more, of a number whose bits lie in several places: place and width of each, its lowest first.
+template <unsigned... PlacesAndWidths>
+struct Pieces {
+  static constexpr std::size_t size = sizeof...(PlacesAndWidths);
+  static constexpr unsigned values[size] = {PlacesAndWidths...};
+
+  static constexpr unsigned width() {
+    unsigned sum = 0;
+    for (std::size_t i = 1; i < size; i += 2) sum += values[i];
+    return sum;
+  }
+
+  static constexpr std::uint64_t gather(std::uint64_t bits) {
+    std::uint64_t raw = 0;
+    unsigned done = 0;
+    for (std::size_t i = 0; i < size; i += 2) {
+      raw |= ((bits >> values[i]) & low_bits(values[i + 1])) << done;
+      done += values[i + 1];
+    }
+    return raw;
+  }
+
+  static constexpr std::uint64_t scatter(std::uint64_t raw) {
+    std::uint64_t bits = 0;
+    unsigned done = 0;
+    for (std::size_t i = 0; i < size; i += 2) {
+      bits |= ((raw >> done) & low_bits(values[i + 1])) << values[i];
+      done += values[i + 1];
+    }
+    return bits;
+  }
+};
+
+/// Return the number whose pieces lie at these places of `bits`: place and width of each, its lowest piece first.
+template <class T, Coding Encoding, unsigned... PlacesAndWidths, class Bits>
+constexpr T extract_split(Bits bits) {
+  using Places = Pieces<PlacesAndWidths...>;
+  return from_bits<T, Places::width(), Encoding>(Places::gather(static_cast<std::uint64_t>(bits)));
+}
+
+/// Insert a number into bits that are zero there; pairs with `extract_split`. Returns false if `value` does not fit;
+/// nothing is changed then.
+template <Coding Encoding, unsigned... PlacesAndWidths, class Bits, class T>
+constexpr bool insert_split(Bits& bits, T value) {
+  using Places = Pieces<PlacesAndWidths...>;
+  std::uint64_t raw = 0;
+  if (!to_bits<Places::width(), Encoding>(value, raw)) return false;
+  bits = static_cast<Bits>(bits | Places::scatter(raw));
+  return true;
+}
+
 /// Read a number of whole bytes that is not plain binary; otherwise as load_integer of bytes.hpp.
 template <Coding Encoding, class T, ByteOrder Order = ByteOrder::little, unsigned Bytes = sizeof(T)>
 WIREBOND_INLINE T load_coded(const std::uint8_t* from) {

@@ -180,6 +180,7 @@ def _field(field: Field) -> dict[str, Any]:
     # What was added after the first release stands here only where it is used, so that other hashes stay.
     added = {
         "bits": field.bits,
+        "split": [list(piece) for piece in field.split],
         "sign_magnitude": field.sign_magnitude,
         "packed": field.packed and field.packed.value,
         "first": field.first.value if field.kind == FieldKind.BITS else None,

@@ -104,7 +104,7 @@ def _numbers_of(
             yield f"{path}{one.name}", (one, PayloadPlace(before, one.size, one.order, 0, (1 << one.width) - 1))
         if one.kind == FieldKind.BITS:
             for member, shift in bit_places(one):
-                if member.kind == FieldKind.UNSIGNED and not member.is_scaled:
+                if member.kind == FieldKind.UNSIGNED and not member.is_scaled and not member.split:
                     mask = (1 << member.width) - 1
                     place = PayloadPlace(before, one.size, one.order, shift, mask)
                     yield f"{path}{one.name}.{member.name}", (member, place)
@@ -115,8 +115,34 @@ def bit_places(container: Field) -> Iterator[tuple[Field, int]]:
     passed = 0
     for member in container.fields:
         low = container.first == BitOrder.LOW
-        yield member, passed if low else 8 * container.size - passed - member.width
-        passed += member.width
+        yield member, passed if low else 8 * container.size - passed - member.bits_here
+        passed += member.bits_here
+
+
+def pieces(member: Field, low: int) -> tuple[tuple[int, int], ...]:
+    """The lowest bit, in the number that is shared, and the bits of each piece of a value; the value's lowest first.
+
+    :param low: as `bit_places` gives it.
+    """
+    return member.split or ((low, member.width),)
+
+
+def bits_of(member: Field, low: int, number: int) -> int:
+    """The bits of one of the values that share ``number``."""
+    found = done = 0
+    for place, size in pieces(member, low):
+        found |= (number >> place & (1 << size) - 1) << done
+        done += size
+    return found
+
+
+def bits_text(member: Field, low: int) -> str:
+    """``bit 3``, ``bits 0 to 6``, or ``bits 40 to 43 and 8 to 31`` with the value's highest first."""
+    places = pieces(member, low)
+    if member.width == 1:
+        return f"bit {low}"
+    spans = (f"{at} to {at + size - 1}" if size > 1 else str(at) for at, size in reversed(places))
+    return f"bits {' and '.join(spans)}"
 
 
 def has_constants(fields: tuple[Field, ...]) -> bool:
@@ -162,7 +188,7 @@ class _Lowering:
             if member.constant is not None:
                 mask |= ones << shift
                 value |= member.constant << shift
-            if member.kind == FieldKind.UNSIGNED and not self.is_lost:
+            if member.kind == FieldKind.UNSIGNED and not member.split and not self.is_lost:
                 number = CountingNumber(self.at, len(self.counts), container.size, container.order, shift, ones)
                 self._numbers[-1][f"{container.name}.{member.name}"] = number
         if mask:

@@ -10,6 +10,7 @@ from fractions import Fraction
 from wirebond.analysis.diff.change import Change, Effect, Sides, changed, harmless
 from wirebond.protocol.meaning.field_values import number_text, wire_limits
 from wirebond.protocol.model import Field, FieldKind, OnRange
+from wirebond.protocol.payload_rules import bit_places, bits_text, pieces
 from wirebond.protocol.spelling import field_type, how_counted
 
 Tail = Callable[[Sides, str], Effect]  # what it means that payloads differ in size at their end, for these fields
@@ -300,9 +301,7 @@ def _bit_field_changes(a: Field, b: Field, where: Where) -> Iterator[Change]:
     for name, (shift, field) in after.items():
         at = Where(f"{where.path}.{name}", (*where.place, "bits", "fields", name), where.routes, None)
         if name not in before:
-            overlaps = [
-                other for other, (low, f) in before.items() if low < shift + field.width and shift < low + f.width
-            ]
+            overlaps = [other for other, (low, f) in before.items() if _meet(shift, field, low, f)]
             if overlaps:
                 sentence = f"stands where {', '.join(overlaps)} stood"
                 yield changed(at.path, sentence, where.everywhere("the same bits are read as other fields"),
@@ -313,12 +312,13 @@ def _bit_field_changes(a: Field, b: Field, where: Where) -> Iterator[Change]:
             continue
         earlier_shift, earlier = before[name]
         unsigned = earlier.kind == field.kind == FieldKind.UNSIGNED
-        if unsigned and earlier_shift == shift and earlier.width != field.width:
+        places, earlier_places = pieces(field, shift), pieces(earlier, earlier_shift)
+        is_whole = len(places) == len(earlier_places) == 1
+        if unsigned and is_whole and earlier_shift == shift and earlier.width != field.width:
             yield _other_width(earlier, field, at)
             yield from value_changes(earlier, field, at)
-        elif (earlier_shift, earlier.width) != (shift, field.width):
-            sentence = f"bits {earlier_shift} to {earlier_shift + earlier.width - 1} became {shift} to "
-            sentence += str(shift + field.width - 1)
+        elif places != earlier_places:
+            sentence = f"{bits_text(earlier, earlier_shift)} became {bits_text(field, shift)}"
             yield changed(at.path, sentence, where.everywhere("it is read as another value"), place=at.place)
         elif field_type(earlier) != field_type(field):
             yield _other_type(earlier, field, at)
@@ -327,7 +327,7 @@ def _bit_field_changes(a: Field, b: Field, where: Where) -> Iterator[Change]:
     for name, (shift, field) in before.items():
         if name in after:
             continue
-        if any(low < shift + field.width and shift < low + f.width for low, f in after.values()):
+        if any(_meet(shift, field, low, f) for low, f in after.values()):
             continue  # told of the field that stands there
         effects = [zeros_or_ignored(sides, name, is_new=False) for sides in where.routes]
         place = (*where.place, "bits", "fields", name)
@@ -347,13 +347,12 @@ def _other_width(a: Field, b: Field, where: Where) -> Change:
 
 def _runs(field: Field) -> dict[str, tuple[int, Field]]:
     """Of each value its lowest bit."""
-    found, used = {}, 0
-    for member in field.fields:
-        shift = used if field.first == "low" else field.width - used - member.width
-        if member.kind != FieldKind.PADDING:
-            found[member.name] = (shift, member)
-        used += member.width
-    return found
+    return {member.name: (low, member) for member, low in bit_places(field) if member.kind != FieldKind.PADDING}
+
+
+def _meet(shift: int, field: Field, low: int, other: Field) -> bool:
+    """Have two values bits in common?"""
+    return any(a < b + size and b < a + width for a, width in pieces(field, shift) for b, size in pieces(other, low))
 
 
 # ---- what a number means

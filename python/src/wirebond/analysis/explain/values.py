@@ -13,6 +13,7 @@ from wirebond.analysis.explain.constants import constant_text
 from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.meaning.field_values import number_text
 from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind, Message
+from wirebond.protocol.payload_rules import bit_places, bits_of, bits_text
 from wirebond.visible import visible
 
 
@@ -223,21 +224,18 @@ def _bit_fields(walk: _Walk, field: Field, _: int | None) -> Reading:
     start, data = walk.at, walk.take(field.size)
     number = _raw(field, data)
     parts = []
-    done = 0
-    for part in field.fields:
-        low = done if field.first == BitOrder.LOW else 8 * field.size - done - part.width
-        done += part.width
+    for part, low in bit_places(field):
         if part.kind == FieldKind.PADDING and part.constant is None:
             continue
+        bits = bits_of(part, low, number)
         if part.constant is not None:
-            bits = constant_text(part, number >> low & (1 << part.width) - 1)
-            wanted = constant_text(part, part.constant)
-            text = f"{bits}, a constant" if bits == wanted else f"{bits}, which must be {wanted}"
+            wanted, there = constant_text(part, part.constant), constant_text(part, bits)
+            text = f"{there}, a constant" if there == wanted else f"{there}, which must be {wanted}"
             parts.append(Reading(part, part.name, start, b"", None, text))
             continue
-        value, text, fault = _number(part, number >> low & (1 << part.width) - 1)
-        where = f"bit {low}" if part.width == 1 else f"bits {low} to {low + part.width - 1}"
-        parts.append(Reading(part, part.name, start, b"", value, f"{text}, {where}", (fault,) if fault else ()))
+        value, text, fault = _number(part, bits)
+        text = f"{text}, {bits_text(part, low)}"
+        parts.append(Reading(part, part.name, start, b"", value, text, (fault,) if fault else ()))
     text = f"0x{number:0{2 * field.size}X}, shared by its bits"
     return Reading(field, field.name, start, data, values_of(parts), text, (), tuple(parts))
 

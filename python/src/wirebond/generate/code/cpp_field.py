@@ -235,6 +235,12 @@ def _bit_arguments(spec: Field, slot: Slot) -> str:
     return ", ".join(part for part in (str(spec.bits), place, _coding(spec)) if part)
 
 
+def _split_arguments(spec: Field) -> str:
+    """Coding of a number in several pieces, and the lowest bit and the width of each."""
+    places = ", ".join(f"{low}, {width}" for low, width in spec.split)
+    return f"{_coding(spec) or 'wirebond::Coding::binary'}, {places}"
+
+
 def _store_bool(spec: Field, value: str, slot: Slot) -> str:
     if spec.packed is not None:
         return f"wirebond::store_bits({slot.place}, {slot.index}, 1, {_packing(spec)}, {value} ? 1 : 0);"
@@ -248,6 +254,8 @@ def _store_integer(spec: Field, value: str, slot: Slot) -> str:
     wire = wire_integer(spec)
     if spec.packed is not None:
         call = f"store_packed<{_bit_arguments(spec, slot)}>({slot.place}, {slot.index}, {value})"
+    elif spec.split:
+        call = f"insert_split<{_split_arguments(spec)}>({slot.place}, {value})"
     elif spec.bits:
         call = f"insert_bits<{_bit_arguments(spec, slot)}>({slot.place}, {value})"
     elif _coding(spec):
@@ -264,6 +272,8 @@ def load_integer(spec: Field, slot: Slot) -> str:
     wire = wire_integer(spec)
     if spec.packed is not None:
         return f"wirebond::load_packed<{wire.type_name}, {_bit_arguments(spec, slot)}>({slot.place}, {slot.index})"
+    if spec.split:
+        return f"wirebond::extract_split<{wire.type_name}, {_split_arguments(spec)}>({slot.place})"
     if spec.bits:
         return f"wirebond::extract_bits<{wire.type_name}, {_bit_arguments(spec, slot)}>({slot.place})"
     if _coding(spec):

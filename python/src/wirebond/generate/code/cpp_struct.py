@@ -27,7 +27,8 @@ from wirebond.generate.code.cpp_field import (
     write_value,
 )
 from wirebond.generate.code.cpp_number import integer
-from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind, Protocol
+from wirebond.protocol.model import ByteOrder, Field, FieldKind, Protocol
+from wirebond.protocol.payload_rules import bit_places
 
 _LOCALS = frozenset({"message", "payload", "size", "spare", "found", "wire", "bits", "bytes", *"ijklmnopq"})
 
@@ -242,11 +243,7 @@ def _walk(shape: Shape, here: _Here) -> Iterator[tuple[Member, int, bool]]:
 
 def _shifts(spec: Field) -> list[int]:
     """Of bit fields, the place of each one's lowest bit."""
-    passed, found = 0, []
-    for member in spec.fields:
-        found.append(passed if spec.first == BitOrder.LOW else 8 * spec.size - passed - member.bits)
-        passed += member.bits
-    return found
+    return [low for _, low in bit_places(spec)]
 
 
 def _container_type(spec: Field) -> str:

@@ -16,7 +16,6 @@ from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.meaning.field_values import number_text
 from wirebond.protocol.meaning.messages import spoken
 from wirebond.protocol.model import (
-    BitOrder,
     End,
     Field,
     FieldKind,
@@ -27,6 +26,7 @@ from wirebond.protocol.model import (
     Protocol,
     Queue,
 )
+from wirebond.protocol.payload_rules import bit_places, bits_text
 from wirebond.protocol.spelling import field_type, how_counted, match_text, match_texts
 
 
@@ -137,11 +137,8 @@ def _described(field: Field) -> tuple[Field, ...]:
     if field.kind != FieldKind.BITS:
         return field.fields
     found = []
-    done = 0
-    for part in field.fields:
-        low = done if field.first == BitOrder.LOW else 8 * field.size - done - part.width
-        done += part.width
-        bits = f"bit {low}" if part.width == 1 else f"bits {low} to {low + part.width - 1}"
+    for part, low in bit_places(field):
+        bits = bits_text(part, low)
         found.append(replace(part, description=f"{bits}; {part.description}" if part.description else bits))
     return tuple(found)
 

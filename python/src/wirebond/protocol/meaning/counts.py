@@ -101,6 +101,7 @@ class Counting:
         if (
             not is_plain
             or field.is_scaled
+            or field.split
             or field.enum
             or field.flags
             or (field.minimum, field.default) != (None,) * 2

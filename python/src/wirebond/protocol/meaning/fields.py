@@ -31,6 +31,7 @@ from wirebond.protocol.text.field_grammar import (
     PlainSyntax,
     ValueSyntax,
 )
+from wirebond.protocol.text.field_types import MOST_BCD_BITS
 from wirebond.protocol.text.scalars import WireType
 from wirebond.protocol.text.yaml_tree import Mapping, Scalar
 
@@ -80,9 +81,14 @@ def read_plain(
     return _PlainReader(syntax, syntax.type, node, problems).read(name, syntax, order, earlier)
 
 
-def read_bit_field(name: str, syntax: BitFieldSyntax, node: Mapping, problems: Problems) -> Field | None:
-    """As `read_plain`, for one of the values that share a number's bits."""
-    return _BitFieldReader(syntax, syntax.type, node, problems).read(name, syntax)
+def read_bit_field(
+    name: str, syntax: BitFieldSyntax, node: Mapping, problems: Problems, continued: int = 0
+) -> Field | None:
+    """As `read_plain`, for one of the values that share a number's bits.
+
+    ``continued``: bits of it that stand elsewhere among them.
+    """
+    return _BitFieldReader(syntax, syntax.type, node, problems).read(name, syntax, continued)
 
 
 class ValueReader:
@@ -299,17 +305,30 @@ def _scale_faults(field: Field) -> Iterator[tuple[str, str]]:
 
 
 class _BitFieldReader(ValueReader):
-    def read(self, name: str, syntax: BitFieldSyntax) -> Field | None:
+    def read(self, name: str, syntax: BitFieldSyntax, continued: int) -> Field | None:
         is_padding = self._type.kind == FieldKind.PADDING
         self._validate_options()
+        if continued:
+            self._validate_continued(name, continued)
         if is_padding and syntax.size is None:
             self._wrong(self._node.value_place("type"), "padding needs its number of bits; add `size: 2`")
         if not self._good:
             return None
         bits = 1 if self._type.kind == FieldKind.BOOL else self._type.width
-        field = Field(**self._common(name), size=0, bits=(syntax.size or 0) if is_padding else bits)
+        bits = (syntax.size or 0) if is_padding else bits
+        field = Field(**self._common(name), size=0, bits=bits + continued, own_bits=bits if continued else 0)
         is_constant = syntax.constant is not None or syntax.must_be_zero
         return self._constant(field) if is_constant else self._validated(field)
+
+    def _validate_continued(self, name: str, continued: int) -> None:
+        assert isinstance(self._syntax, BitFieldSyntax)
+        if self._type.kind not in INTEGERS or self._syntax.constant is not None:
+            self._wrong(self._node.value_place("type"), f"`{name}` is no whole number of its own, so nothing continues it; take `u4`")
+            return
+        most = MOST_BCD_BITS if self._type.kind == FieldKind.BCD else 64
+        total = self._type.width + continued
+        if total > most:
+            self._wrong(self._node.value_place("type"), f"`{name}` has {total} bits in all; it can have {most} at most")
 
 
 class _PlainReader(ValueReader):

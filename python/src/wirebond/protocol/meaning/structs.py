@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from wirebond.protocol import names
+from wirebond.protocol.meaning.bit_members import BitMembers, with_pieces
 from wirebond.protocol.meaning.counts import Counting, mark_counts
-from wirebond.protocol.meaning.fields import read_bit_field, read_plain
+from wirebond.protocol.meaning.fields import read_plain
 from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.text.field_grammar import (
-    BitFieldSyntax,
     BitsFieldSyntax,
     GroupFieldSyntax,
     PlainSyntax,
@@ -107,26 +107,20 @@ def _read_bits(name: str, node: Mapping, types: Types) -> Field | None:
     members = inner.get("fields") if isinstance(inner, Mapping) else None
     if not isinstance(inner, Mapping) or not isinstance(members, Mapping):
         return None
-    found: list[Field] = []
-    for member, entry in members.entries.items():
-        value = entry.value
-        member_syntax = readable(BitFieldSyntax, value) if not names.fault(member) else None
-        if member_syntax is not None and isinstance(value, Mapping):
-            one = read_bit_field(member, member_syntax, value, types.problems)
-            found += [one] if one is not None else []
+    found = BitMembers(members, types.problems).read()
     _validate_names(members, types.problems)
     syntax = readable(BitsFieldSyntax, node)
     if syntax is None or len(found) != len(members.entries):
         return None
     container = syntax.bits.type
-    needed = sum(member.bits for member in found)
+    needed = sum(member.bits_here for member in found)
     if needed > container.width:
         types.problems.add(
             inner.value_place("type"),
             f"these fields need {needed} bits, and {container.word} has {container.width}; take a wider type",
         )
         return None
-    return Field(
+    shared = Field(
         name=name,
         kind=FieldKind.BITS,
         size=container.size,
@@ -135,6 +129,7 @@ def _read_bits(name: str, node: Mapping, types: Types) -> Field | None:
         fields=tuple(found),
         description=syntax.description,
     )
+    return with_pieces(shared, members)
 
 
 def _read_struct(name: str, node: Mapping, types: Types) -> Field | None:

@@ -84,6 +84,8 @@ class Field:
     flags: tuple[tuple[str, int], ...] = ()  # name, bit number
     description: str = ""
     bits: int = 0  # of one element, where that does not begin and end with a byte: a bit field, a packed element
+    split: tuple[tuple[int, int], ...] = ()  # of a bit field: lowest bit and width of each of its pieces, lowest first
+    own_bits: int = 0  # of these, those of the piece that stands at its own place; 0: all
     sign_magnitude: bool = False  # the top bit is the sign, the others the amount
     packed: BitOrder | None = None  # elements follow each other bit by bit, from this bit of each byte on
     first: BitOrder = BitOrder.LOW  # of kind BITS: where its first field lies
@@ -186,6 +188,11 @@ class Field:
         if self.sign_magnitude and number < 0:
             return 1 << (self.width - 1) | -number
         return number & ((1 << self.width) - 1)
+
+    @property
+    def bits_here(self) -> int:
+        """Bits that it takes among the others of a number, at its own place."""
+        return self.own_bits or self.width
 
     @property
     def is_string(self) -> bool:

@@ -224,6 +224,12 @@ class BitFieldSyntax(ValueSyntax):
     size: Annotated[int, PlainValidator(whole(1, 64), json_schema_input_type=int)] | None = Field(
         None, description="Bits of padding.", examples=[2]
     )
+    continues: Name | None = Field(
+        None,
+        description="These are more bits of the value of this name, which stands before them: the lower ones where "
+        "`first` is high, otherwise the higher ones.",
+        examples=["angle"],
+    )
 
 
 _BitField = Annotated[BitFieldSyntax, in_schema(ShortField | BitFieldSyntax)]

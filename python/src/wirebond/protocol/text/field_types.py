@@ -15,7 +15,7 @@ _INTEGERS = {"u": FieldKind.UNSIGNED, "i": FieldKind.SIGNED, "s": FieldKind.SIGN
 _ANY_WIDTH = re.compile(r"([uis]|bcd)([1-9][0-9]?)")
 _BINARY = r"u([1-9]|[1-5][0-9]|6[0-4])|[is]([2-9]|[1-5][0-9]|6[0-4])"
 _DECIMAL = r"bcd([48]|[135][26]|[24][048]|60)"
-_MOST_BCD = 60  # bits: a double has all numbers of 15 digits
+MOST_BCD_BITS = 60  # a double has all numbers of 15 digits
 _POSSIBLE = (
     "u8, i8 and s8 to u64, i64 and s64 in steps of 8 bits, bcd8 to bcd56 (two decimal digits in each byte), f32, f64, "
     "bool, text, bytes, padding"
@@ -60,7 +60,7 @@ def _any_width(word: str) -> WireType | None:
 
 
 def _bcd(word: str, bits: int) -> WireType | None:
-    if bits % 4 or bits > _MOST_BCD:
+    if bits % 4 or bits > MOST_BCD_BITS:
         return None
     return _WHOLE_TYPES.get(word) or WireType(word, FieldKind.BCD, 0, bits=bits)
 
