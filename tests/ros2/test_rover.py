@@ -230,7 +230,8 @@ def heading(orientation: Any) -> float:
 
 
 def drive(peer: Peer, linear: float, angular: float, seconds: float) -> None:
-    """Command it as a program of ROS does, at 20 Hz."""
+    """Command it as a program of ROS does, at 20 Hz. A pause of the machine may have brought it into its safe mode."""
+    end_stall(peer)
     for _ in rounds_for(seconds):
         command(peer, linear, angular)
         peer.look()

@@ -323,7 +323,8 @@ class _BitFieldReader(ValueReader):
     def _validate_continued(self, name: str, continued: int) -> None:
         assert isinstance(self._syntax, BitFieldSyntax)
         if self._type.kind not in INTEGERS or self._syntax.constant is not None:
-            self._wrong(self._node.value_place("type"), f"`{name}` is no whole number of its own, so nothing continues it; take `u4`")
+            sentence = f"`{name}` is no whole number of its own, so nothing continues it; take `u4`"
+            self._wrong(self._node.value_place("type"), sentence)
             return
         most = MOST_BCD_BITS if self._type.kind == FieldKind.BCD else 64
         total = self._type.width + continued

@@ -168,7 +168,7 @@ class Field:
     @property
     def bcd_end(self) -> int:
         """The number behind the greatest one of kind BCD. It also stands for digits above 9, which are no number."""
-        return 10 ** (self.width // 4)
+        return int(10 ** (self.width // 4))
 
     def wire_bits(self, value: float | int | str) -> int:
         """The bits on the wire of one integer's value, at the bottom. The value fits: see ``field_values``.
