@@ -107,12 +107,12 @@ def _places(container: Field) -> Iterator[tuple[Field, int]]:
     """The values that share bits, each with the place of its lowest bit."""
     used = 0
     for member in container.fields:
-        used += member.width
-        yield member, used - member.width if container.first == BitOrder.LOW else 8 * container.size - used
+        used += member.bits_here
+        yield member, used - member.bits_here if container.first == BitOrder.LOW else 8 * container.size - used
 
 
 def _ones(member: Field) -> int:
-    return (1 << member.width) - 1
+    return (1 << member.bits_here) - 1
 
 
 def constants_hold(fields: tuple[Field, ...], payload: bytes, trims_zeros: bool) -> bool:
