@@ -22,6 +22,7 @@ from wirebond.sim.pty_port import PtyPort
 
 pytestmark = pytest.mark.live
 
+WIREBOND = Path(sys.executable).with_name("wirebond")
 FRAME = codec("diffdrive").encode("odometry", left_ticks=3, right_ticks=-3)
 
 
@@ -103,6 +104,17 @@ def test_a_link_that_opens_a_port_names_who_has_it_open(caplog: pytest.LogCaptur
     assert f"{pty.path} is open in another program as well, sleep (process {other})" in caplog.text
 
 
+def test_a_command_prints_who_has_its_port_open() -> None:
+    pty = PtyPort()
+    command = [WIREBOND, "monitor", PROTOCOLS / "diffdrive.yaml", pty.path, "--seconds", "0.1"]
+    with another_program(pty, "sleep", "1000") as other:
+        result = subprocess.run(command, check=False, capture_output=True, text=True)
+    pty.close()
+    assert result.returncode == 0
+    said = " ".join(result.stderr.split())
+    assert f"{pty.path} is open in another program as well, sleep (process {other}), and each byte" in said
+
+
 def test_a_healthy_line_is_accused_of_nothing_although_another_program_has_it_open() -> None:
     with linked() as (pty, link), another_program(pty, "sleep", "1000") as other:
         assert [one.pid for one in other_users(pty.path)] == [other]
@@ -114,8 +126,7 @@ def test_a_healthy_line_is_accused_of_nothing_although_another_program_has_it_op
 
 def test_the_other_end_of_a_pty_is_no_other_user(tmp_path: Path) -> None:
     link = tmp_path / "mcu"
-    wirebond_command = Path(sys.executable).with_name("wirebond")
-    command = [wirebond_command, "sim", PROTOCOLS / "diffdrive.yaml", "--link", link]
+    command = [WIREBOND, "sim", PROTOCOLS / "diffdrive.yaml", "--link", link]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL) as simulator:
         wait_until(link.exists, "the simulator is there")
         assert other_users(str(link)) == []

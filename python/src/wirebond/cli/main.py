@@ -18,6 +18,7 @@ import typer
 from wirebond.cli.interrupts import EXIT_INTERRUPTED
 from wirebond.cli.options import files, lines, parameters, recordings, simulation
 from wirebond.cli.output import ReaderGone, console, drop, errors, fail, plain
+from wirebond.cli.shown_logs import show_port_log
 from wirebond.errors import (
     HeaderFileError,
     LinkDownError,
@@ -80,6 +81,7 @@ def common(
 def main(arguments: list[str] | None = None) -> int:
     """The whole command, to its exit code: every error that can be foreseen becomes a sentence."""
     logging.getLogger("wirebond").addHandler(logging.NullHandler())  # the commands say themselves what it would
+    show_port_log()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a terminal of another encoding shows what it can

@@ -23,7 +23,7 @@ from wirebond.link.settings import engine_settings, latency_of, open_engine
 from wirebond.protocol.model import End
 
 SIMULATED = "sim:"  # the port's name of a virtual MCU
-_log = logging.getLogger("wirebond")
+_log = logging.getLogger("wirebond.port")  # which commands print
 
 
 class OwnPort:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 from wirebond.cli.output import errors, plain
 from wirebond.cli.rounds import time_left
-from wirebond.cli.server_log import shown_server_log
 from wirebond.cli.shown import stats_line
+from wirebond.cli.shown_logs import shown_server_log
 from wirebond.cli.signals import ended_by_signals
 from wirebond.cli.web import show, web_address
 from wirebond.codec import Codec, load

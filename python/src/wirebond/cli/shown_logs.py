@@ -1,4 +1,4 @@
-"""Prints the warnings of a server on stderr, such as who released an emergency stop."""
+"""Prints warnings on stderr: who released an emergency stop at a server, or that another program has the port open."""
 
 from __future__ import annotations
 
@@ -12,6 +12,14 @@ from wirebond.cli.output import errors, plain
 class _Shows(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         errors.print(plain(record.getMessage()), soft_wrap=True)
+
+
+_OF_PORTS = _Shows(logging.WARNING)
+
+
+def show_port_log() -> None:
+    """From here on, what is to be said about a port that is opened is printed."""
+    logging.getLogger("wirebond.port").addHandler(_OF_PORTS)
 
 
 @contextmanager
