@@ -43,6 +43,7 @@ _LAYOUT: dict[str, Any] = {
 }
 _DIGITS = re.compile(r"\d+")
 _PICTURES = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+_LOOKS = 5
 PULLS = 4  # in one direction, each over most of a screen
 _WATCH = """() => {
   const seen = (globalThis.seen = { moves: [], pictures: [] });
@@ -113,7 +114,9 @@ def look(browser: Browser, seconds: float = HOUR, moves: int = MOVES) -> dict[st
 def _scrub(page: Page, address: str, begin: float, seconds: float, moves: int) -> dict[str, Any]:
     page.goto(address.replace("#", f"#/plots?from={begin:.4f}&to={begin + seconds:.4f}&"))
     _wait_for(page, begin)
-    greatest = _greatest(page, (int(seconds * RATE) // 3) / (seconds * RATE))
+    share = (int(seconds * RATE) // 3) / (seconds * RATE)
+    # A plot may still get another width, and the picture may lag behind the pointer: a peak that is lost stays lost.
+    greatest = max(_greatest(page, share) for _ in range(_LOOKS))
     page.evaluate(_WATCH)
     found: dict[str, Any] = {"pauses": [], "answers": [], "greatest": greatest}
     to_and_fro = [0.4 * math.sin(number / moves * 2 * math.pi) for number in range(1, moves + 1)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -383,7 +384,7 @@ def test_sigterm_ends_the_demo_with_the_safe_value(tmp_path: Path) -> None:
         [*COMMAND, "demo", "--terminal"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment
     ) as process:
         assert process.stdout is not None and process.stderr is not None
-        while b"driving" not in process.stdout.readline():
+        while re.search(rb"driving.*; [1-9]\d* frames", process.stdout.readline()) is None:
             assert process.poll() is None
         process.send_signal(signal.SIGTERM)
         told = process.stdout.read().decode()
