@@ -43,7 +43,7 @@ _LAYOUT: dict[str, Any] = {
 }
 _DIGITS = re.compile(r"\d+")
 _PICTURES = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
-_LOOKS = 5
+_TRIES = 20  # of a plot to stand still
 PULLS = 4  # in one direction, each over most of a screen
 _WATCH = """() => {
   const seen = (globalThis.seen = { moves: [], pictures: [] });
@@ -115,8 +115,7 @@ def _scrub(page: Page, address: str, begin: float, seconds: float, moves: int) -
     page.goto(address.replace("#", f"#/plots?from={begin:.4f}&to={begin + seconds:.4f}&"))
     _wait_for(page, begin)
     share = (int(seconds * RATE) // 3) / (seconds * RATE)
-    # A plot may still get another width, and the picture may lag behind the pointer: a peak that is lost stays lost.
-    greatest = max(_greatest(page, share) for _ in range(_LOOKS))
+    greatest = _greatest(page, share)
     page.evaluate(_WATCH)
     found: dict[str, Any] = {"pauses": [], "answers": [], "greatest": greatest}
     to_and_fro = [0.4 * math.sin(number / moves * 2 * math.pi) for number in range(1, moves + 1)]
@@ -140,19 +139,34 @@ def _wait_for(page: Page, begin: float) -> None:
 
 def _greatest(page: Page, share: float) -> float:
     """What the legends show there, in widths of a plot: the greatest value that the rows of each line have."""
+    position = page.locator(".position")
+    for _ in range(_TRIES):
+        box = _at_rest(page)
+        found = []
+        for beside in (-1, 0, 1, 2):  # pixels: rows and pixels need not begin together
+            before = position.inner_text()
+            page.mouse.move(box["x"] + share * box["width"] + beside, box["y"] + box["height"] / 2)
+            expect(position).not_to_have_text(before)
+            texts = page.locator(".legend .value").all_inner_texts()
+            numbers = [_DIGITS.findall("".join(text.split())) for text in texts]
+            found.append(min(max(map(float, each), default=-math.inf) for each in numbers))
+        page.mouse.move(0, 0)
+        if _at_rest(page) == box:  # else the pointer was somewhere else
+            return max(found)
+    raise RuntimeError("the first plot does not stay where it is")
+
+
+def _at_rest(page: Page) -> Any:
+    """Where the first plot is, once two pictures leave it there: the numbers of its axes have the room they need."""
     over = page.locator(".u-over").first
-    box = over.bounding_box()
-    if box is None:
-        raise RuntimeError("there is no plot")
-    found = []
-    for beside in (-1, 0, 1, 2):  # pixels: rows and pixels need not begin together
-        page.mouse.move(box["x"] + share * box["width"] + beside, box["y"] + box["height"] / 2)
+    before = over.bounding_box()
+    for _ in range(_TRIES):
         page.evaluate(_PICTURES)
-        texts = page.locator(".legend .value").all_inner_texts()
-        numbers = [_DIGITS.findall("".join(text.split())) for text in texts]
-        found.append(min(max(map(float, each), default=-math.inf) for each in numbers))
-    page.mouse.move(0, 0)
-    return max(found)
+        now = over.bounding_box()
+        if now is not None and now == before:
+            return now
+        before = now
+    raise RuntimeError(f"the first plot does not stand still: it was at {before}")
 
 
 def _drag(page: Page, at: float, path: list[float], span: float) -> tuple[dict[str, Any], float]:

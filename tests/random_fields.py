@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from decimal import Context, Decimal
 from enum import IntEnum
 from fractions import Fraction
-from itertools import pairwise
+from itertools import combinations
 
 from wirebond.protocol.names import code_name
 
@@ -428,13 +428,14 @@ def _at_times_digits(word: str, options: str) -> str:
 
 
 def _at_times_in_pieces(members: list[str]) -> list[str]:
-    """The values that share a number's bits; where two without options have one kind, at times the second continues the
-    first. Drawn by itself, so that other fields stay as they are."""
-    plain = [(at, re.fullmatch(r"(\w+): \{type: ([uis]|bcd)(\d+)\}", text)) for at, text in enumerate(members)]
-    found = [(at, match[1], match[2], int(match[3])) for at, match in plain if match is not None]
-    for (_, name, letter, bits), (at, other, same, more) in pairwise(found):
-        fits = letter == same and bits + more <= (60 if letter == "bcd" else 64)
-        if fits and random.Random(" ".join(members)).random() < 0.7:
+    """The values that share a number's bits; at times one without options continues an earlier one, of whose kind it is
+    then. Drawn by itself, so that other fields stay as they are."""
+    numbers = [(at, re.fullmatch(r"(\w+): \{type: ([uis]|bcd)(\d+)(.*)\}", text)) for at, text in enumerate(members)]
+    found = [(at, *match.groups()) for at, match in numbers if match and not re.search("constant|scale", match[4])]
+    for (_, name, letter, bits, _), (at, other, own, more, options) in combinations(found, 2):
+        is_like = letter == own or ("bcd" not in (letter, own) and int(more) > 1)
+        fits = int(bits) + int(more) <= (60 if letter == "bcd" else 64)
+        if is_like and fits and not options and random.Random(" ".join(members)).random() < 0.7:
             changed = f"{other}: {{type: {letter}{more}, continues: {name}}}"
             return [*members[:at], changed, *members[at + 1 :]]
     return members

@@ -9,7 +9,6 @@ from dataclasses import replace
 from typing import Any
 
 from wirebond import Codec, MessageError, _engine
-from wirebond.protocol.meaning.field_values import wire_limits
 from wirebond.protocol.model import (
     End,
     Field,
@@ -99,6 +98,16 @@ def _field_value(described: Field, source: random.Random, size: int | None) -> A
     return _element(described, source)
 
 
+def _limits(described: Field) -> tuple[int, int]:
+    """Least and greatest number on the wire, worked out here: a wrong limit of the product is not repeated."""
+    if described.kind == FieldKind.BCD:
+        return 0, 10 ** (described.width // 4) - 1
+    if described.kind == FieldKind.UNSIGNED:
+        return 0, 2**described.width - 1
+    half = 2 ** (described.width - 1)
+    return -half + described.sign_magnitude, half - 1
+
+
 def _element(described: Field, source: random.Random) -> Any:
     if described.fields:
         return _struct_values(described.fields, source)
@@ -112,7 +121,7 @@ def _element(described: Field, source: random.Random) -> Any:
         low, high = described.minimum, described.maximum
         drawn = source.uniform(-1000 if low is None else low, 1000 if high is None else high)
         return source.choice((-0.0, 0.0)) if source.random() < 0.1 else drawn
-    least, most = (int(end) for end in wire_limits(described))
+    least, most = _limits(described)
     wire = source.choice([least, most, 0, source.randint(least, most)])
     value = float(wire * described.scale + described.offset) if described.is_scaled else wire
     if described.minimum is not None and described.maximum is not None:

@@ -1,14 +1,17 @@
-"""A process that stands still while a test does something, whatever else happens to the run."""
+"""What stands still while a test does something: a process, whatever else happens to the run; or one loop."""
 
 from __future__ import annotations
 
+import asyncio
 import os
 import signal
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Self
 
-from tests.waiting import wait_until
+from tests.waiting import PATIENCE, wait_until
 
 _OFTEN = 0.005  # seconds
 _COUNTS = ("voluntary_ctxt_switches:", "nonvoluntary_ctxt_switches:")
@@ -61,3 +64,15 @@ class Suspended:
         """How often its threads were put on a processor, and taken off again."""
         lines = [line for file in Path(f"/proc/{self._process}/task").glob("*/status") for line in file.open()]
         return sum(int(line.split()[1]) for line in lines if line.startswith(_COUNTS))
+
+
+@contextmanager
+def stalled(loop: asyncio.AbstractEventLoop) -> Iterator[None]:
+    """This loop of another thread does nothing until the end of the block."""
+    began, goes_on = threading.Event(), threading.Event()
+    loop.call_soon_threadsafe(lambda: (began.set(), goes_on.wait(PATIENCE)))
+    assert began.wait(PATIENCE)
+    try:
+        yield
+    finally:
+        goes_on.set()

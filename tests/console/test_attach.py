@@ -102,7 +102,7 @@ def test_what_is_no_request_ends_the_connection_with_a_sentence(desk: Desk) -> N
 
 
 def test_a_client_that_says_nothing_is_told_and_closed(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(attach_socket, "_FIRST_WITHIN", 0.05)
+    monkeypatch.setattr(attach_socket, "WITHIN", 0.05)
     with desk.web("/attach") as socket:
         assert json.loads(socket.recv(timeout=PATIENCE))["error"] == "silent"
 

@@ -6,7 +6,6 @@ import contextlib
 import re
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import pytest
@@ -14,6 +13,7 @@ from playwright.sync_api import Browser, Locator, Page, expect
 
 import wirebond
 from tests.console.browser import Desk, desk, shows_the_robot, take_control, with_told
+from tests.suspended import stalled
 from tests.waiting import PATIENCE, let_pass, moments, wait_until
 from wirebond.link.attached import words
 from wirebond.seldom import EVERY
@@ -39,18 +39,6 @@ def rover(shared_desk: Desk) -> Iterator[Desk]:
         yield one
 
 
-@contextmanager
-def stalled(rover: Desk) -> Iterator[None]:
-    """The server does nothing until the end of the block."""
-    began, goes_on = threading.Event(), threading.Event()
-    rover.server._owner.loop.call_soon_threadsafe(lambda: (began.set(), goes_on.wait(PATIENCE)))
-    assert began.wait(PATIENCE)
-    try:
-        yield
-    finally:
-        goes_on.set()
-
-
 PRESS = "(one) => one.isConnected && !one.disabled && (one.click(), true)"  # a click would wait
 
 
@@ -60,7 +48,7 @@ def press_in_a_stall(rover: Desk, button: Locator, seconds: float, then: Callabl
     for _ in moments("a press in time"):
         expect(button).to_be_enabled()
         found = button.element_handle()
-        with stalled(rover):
+        with stalled(rover.server._owner.loop):
             if found.evaluate(PRESS):
                 then()
                 let_pass(seconds)
@@ -149,7 +137,7 @@ def test_nothing_is_taken_by_a_late_press_after_another_program_released_the_sto
         expect(page.get_by_role("alert")).to_be_visible()
         asked.clear()
         found = taking(page).element_handle()
-        with stalled(rover):
+        with stalled(rover.server._owner.loop):
             rover.link.release_stop()
             if found.evaluate(PRESS):
                 break
@@ -165,7 +153,7 @@ def test_control_that_is_taken_at_the_moment_of_a_release_stays(rover: Desk) -> 
     wait_until(lambda: rover.server.stopped_by is not None, "the server has seen the stop")
     expect(page.get_by_role("alert")).to_be_visible()
     found = taking(page).element_handle()
-    with stalled(rover):
+    with stalled(rover.server._owner.loop):
         rover.link.release_stop()
         expect(page.get_by_role("alert")).to_have_count(0)
         is_pressed = found.evaluate(PRESS)

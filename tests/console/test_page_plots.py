@@ -168,13 +168,13 @@ def zoom_move_pause_and_read(page: Page) -> None:
     position = page.locator(".position")
     expect(position).to_have_text(re.compile(r"^\d\d:\d\d:\d\d"))
     values = set()
-    for share in (0.6, 0.75, 0.9):
+    for share in range(5, 100, 5):  # percent of the plot: where a pause of this machine left a gap there is no value
         before = position.inner_text()
-        page.mouse.move(box["x"] + share * box["width"], middle)
+        page.mouse.move(box["x"] + share / 100 * box["width"], middle)
         expect(position).not_to_have_text(before)
         expect(position).to_have_text(re.compile(r"^\d\d:\d\d:\d\d\.\d{3}(?!\d)"))
         values.add(page.locator(".legend .value").first.inner_text())
-    assert len(values) > 1
+    assert len(values - {"–"}) > 1  # noqa: RUF001
     page.get_by_role("button", name="Live", exact=True).click()
     expect(page.get_by_role("button", name="Pause")).to_be_visible()
     expect(page.locator(".u-over").first).to_have_attribute("data-made", "once")  # no range makes the plot anew

@@ -15,10 +15,11 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from tests.console.conftest import Desk, hear, make_desk, say
-from tests.waiting import PATIENCE, Stopwatch, wait_until
+from tests.suspended import stalled
+from tests.waiting import PATIENCE, Stopwatch, let_pass, wait_until
 from wirebond.console.visitors import Visitors
 from wirebond.server import strangers
-from wirebond.server.strangers import DELAY
+from wirebond.server.strangers import DELAY, WITHIN
 
 pytestmark = pytest.mark.live
 
@@ -64,12 +65,62 @@ def test_a_page_that_was_refused_and_does_not_close_is_closed(locked: Desk) -> N
     raw.close()
 
 
+@pytest.fixture
+def loop(locked: Desk, monkeypatch: pytest.MonkeyPatch) -> asyncio.AbstractEventLoop:
+    """That of the web server."""
+    found = []
+    enter = Visitors.enter
+
+    def note(visitors: Visitors, transport: asyncio.Transport) -> None:
+        found.append(asyncio.get_running_loop())
+        enter(visitors, transport)
+
+    monkeypatch.setattr(Visitors, "enter", note)
+    assert locked.ask("/api/protocol")[0] == 200
+    return found[0]
+
+
+@pytest.mark.parametrize("says", ["during the stall", "after it"])
+def test_a_stall_of_the_server_is_no_silence_of_a_browser(
+    locked: Desk, loop: asyncio.AbstractEventLoop, says: str
+) -> None:
+    request = f"GET /api/protocol HTTP/1.1\r\nHost: {locked.host}\r\nAuthorization: Bearer {locked.token}\r\n\r\n"
+    with socket.create_connection(("127.0.0.1", locked.port)) as raw:
+        raw.settimeout(PATIENCE)
+        assert locked.ask("/api/protocol")[0] == 200  # the server has the connection before this one
+        with stalled(loop):
+            if says == "during the stall":
+                raw.sendall(request.encode())
+            let_pass(WITHIN + 0.2)
+        assert locked.ask("/api/protocol")[0] == 200  # what was due after the stall is done
+        if says == "after it":
+            raw.sendall(request.encode())
+        assert raw.recv(16).startswith(b"HTTP/1.1 200")
+
+
+@pytest.mark.parametrize("path", ["/attach", "/views"])
+@pytest.mark.parametrize("says", ["during the stall", "after it"])
+def test_a_stall_of_the_server_is_no_silence_of_a_program(
+    locked: Desk, loop: asyncio.AbstractEventLoop, path: str, says: str
+) -> None:
+    first = {"do": "attach", "id": 1, "messages": "none", "token": locked.token, "views": {"link": True}}
+    with locked.web(path) as found:
+        with stalled(loop):
+            if says == "during the stall":
+                say(found, first)
+            let_pass(WITHIN + 0.2)
+        assert locked.ask("/api/protocol")[0] == 200  # what was due after the stall is done
+        if says == "after it":
+            say(found, first)
+        assert json.loads(found.recv(timeout=PATIENCE)).get("error") is None
+
+
 @pytest.mark.parametrize("token_of", ["Console", "short"])
 @pytest.mark.parametrize("path", ["/attach", "/views", "/api/protocol"])
 def test_after_a_wrong_token_each_wrong_one_waits_and_the_right_one_still_opens(
     tmp_path: Path, path: str, token_of: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("wirebond.console.attach_socket._FIRST_WITHIN", PATIENCE)
+    monkeypatch.setattr("wirebond.console.attach_socket.WITHIN", PATIENCE)
     monkeypatch.setattr("wirebond.console.visitors.WITHIN", PATIENCE)
     making = make_desk(tmp_path, **({"token": "robot"} if token_of == "short" else {}))
     locked = next(making)

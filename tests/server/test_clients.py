@@ -6,6 +6,7 @@ import errno
 import json
 import os
 import random
+import select
 import socket
 import struct
 import subprocess
@@ -14,6 +15,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -22,11 +24,13 @@ import pytest
 import wirebond
 from tests.server.conftest import Served
 from tests.shared import PROTOCOLS, ROOT, account_closes, few_or_many
-from tests.suspended import Suspended
-from tests.waiting import PATIENCE, wait_until
+from tests.suspended import Suspended, stalled
+from tests.waiting import PATIENCE, let_pass, wait_until
 from wirebond import LinkDownError, NotInControlError, PortError, UsageError
-from wirebond.link.attached import words
+from wirebond.link.attached import attached_link, words
+from wirebond.link.attached.attached_link import AttachedLink
 from wirebond.server import Server
+from wirebond.server.strangers import WITHIN
 from wirebond.sim.pty_port import PtyPort
 
 pytestmark = pytest.mark.live
@@ -313,11 +317,30 @@ def test_what_comes_behind_a_leave_is_nothing(served: Served) -> None:
 
 
 def test_who_says_nothing_is_closed(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wirebond.server.owner._ATTACH_WITHIN", 0.05)
+    monkeypatch.setattr("wirebond.server.owner.WITHIN", 0.05)
     with socket.socket(socket.AF_UNIX) as raw:
         raw.connect(served.server.path or "")
         raw.settimeout(PATIENCE)
         assert b"did not come within" in b"".join(iter(lambda: raw.recv(65536), b""))
+
+
+def test_a_stall_of_the_server_is_no_silence_of_who_attaches(served: Served) -> None:
+    owner = served.server._owner
+    with socket.socket(socket.AF_UNIX) as raw:
+        raw.connect(served.server.path or "")
+        raw.settimeout(PATIENCE)
+        wait_until(lambda: owner.waiting, "the server has the connection")
+        with stalled(owner.loop):
+            let_pass(WITHIN + 0.2)
+        with json_client(served) as other:  # what was due after the stall is done
+            assert other.ask(do="ask", what="state")["ok"] == "stale"
+        body = json.dumps({"do": "attach", "id": 1, "messages": "json"}).encode()
+        raw.sendall(struct.pack("<IB", len(body) + 1, 0) + body)
+        said = b""
+        while b'"ok"' not in said:
+            came = raw.recv(65536)
+            assert came, said
+            said += came
 
 
 def test_too_many_clients_are_told_so(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -450,6 +473,27 @@ def test_an_attached_link_comes_back_when_the_server_does(tmp_path: Path) -> Non
                 link.take_control()
                 link.send("velocity", linear=0.25, angular=0.0)
     pty.close()
+
+
+def test_a_connection_that_a_writer_finds_broken_before_the_reader_looks_is_made_anew(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with served.attach() as link:
+        engine = link.internals.engine
+        assert isinstance(engine, AttachedLink)
+        broken = threading.Event()
+
+        def poll() -> select.poll:
+            if not broken.is_set():
+                broken.set()
+                engine._disconnect("a write failed")
+            return select.poll()
+
+        monkeypatch.setattr(attached_link, "select", SimpleNamespace(poll=poll, POLLIN=select.POLLIN))
+        assert broken.wait(PATIENCE)
+        wait_until(lambda: link.state != "down", "the link comes back")
+        served.pty.write(served.codec.encode("odometry", left_ticks=3, right_ticks=-3))
+        assert [message.name for message in link.receive(timeout=PATIENCE)] == ["odometry"]
 
 
 def test_two_programs_tune_parameters_at_once_and_get_their_own_answers(tmp_path: Path) -> None:

@@ -13,8 +13,8 @@ from wirebond.chinese import with_chinese
 from wirebond.console.station import Station
 from wirebond.console.visitors import Visitors
 from wirebond.link.attached import words
+from wirebond.server.strangers import LOOKS, WITHIN
 
-_FIRST_WITHIN = 2.0  # seconds
 _READ_BYTES = 1 << 18
 NO_OBJECT = "the first message is no JSON object; see docs/console-api.md"
 REFUSED, RESTARTED = 1008, 1012  # close codes of RFC 6455: policy; the link was replaced, so attach again
@@ -60,12 +60,18 @@ async def attach(socket: WebSocket, visitors: Visitors, station: Station) -> Non
 
 async def first_message(socket: WebSocket) -> dict[str, Any] | None:
     """An object that says who it is; None: it did not come, and the client knows."""
+    coming = asyncio.ensure_future(socket.receive())
     try:
-        async with asyncio.timeout(_FIRST_WITHIN):
-            said = await socket.receive()
-    except TimeoutError:
-        await refuse(socket, "silent", f"the first message did not come within {_FIRST_WITHIN:g} s")
-        return None
+        for _ in range(LOOKS):
+            if coming.done():
+                break
+            await asyncio.wait({coming}, timeout=WITHIN / LOOKS)
+        if not coming.done():
+            await refuse(socket, "silent", f"the first message did not come within {WITHIN:g} s")
+            return None
+        said = coming.result()
+    finally:
+        coming.cancel()
     if said["type"] != "websocket.receive":
         return None
     try:

@@ -15,9 +15,9 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from wirebond.console.guard import Guard
-from wirebond.server.strangers import WITHIN, Strangers, WrongTokens
+from wirebond.server.strangers import LOOKS, WITHIN, Strangers, WrongTokens
 
-_SERVED_WITHIN = 10.0  # seconds that one answer to a stranger may take, such as the page over a slow network
+_SERVED_LOOKS = 5 * LOOKS  # that one answer to a stranger may take, such as the page over a slow network
 _Key = tuple[str, int]  # address and port of the client
 
 
@@ -25,7 +25,7 @@ _Key = tuple[str, int]  # address and port of the client
 class _Visitor:
     transport: asyncio.Transport
     key: _Key
-    since: float  # of its last activity
+    looks: int = 0  # at it since its last activity
     serving: int = 0  # requests
     is_known: bool = False  # has shown the token
     ended: asyncio.Event = field(default_factory=asyncio.Event)
@@ -60,7 +60,7 @@ class Visitors:
         if peer is None:  # it is gone already
             transport.abort()
             return
-        visitor = _Visitor(transport, (str(peer[0]), int(peer[1])), time.monotonic())
+        visitor = _Visitor(transport, (str(peer[0]), int(peer[1])))
         self._all[visitor.key] = visitor
         self._make_way(visitor)
         self._look(visitor)
@@ -82,12 +82,12 @@ class Visitors:
         if not visitor.is_known:
             self._make_way(visitor)
         visitor.serving += 1
-        visitor.since = time.monotonic()
+        visitor.looks = 0
         try:
             yield
         finally:
             visitor.serving -= 1
-            visitor.since = time.monotonic()
+            visitor.looks = 0
 
     async def shows_token(self, scope: Scope, given: str) -> bool:
         """Is it the token? After wrong ones the answer comes later, and only where the client still waits."""
@@ -118,15 +118,16 @@ class Visitors:
             goes.end()
 
     def _look(self, visitor: _Visitor) -> None:
-        """Close what does nothing, and forget what is gone."""
-        left = visitor.since + (_SERVED_WITHIN if visitor.serving else WITHIN) - time.monotonic()
-        if visitor.is_gone or (left <= 0 and not visitor.is_known):
+        """Close what does nothing, and forget what is gone. What came while this loop stood still is read first."""
+        most = _SERVED_LOOKS if visitor.serving else LOOKS
+        if visitor.is_gone or (visitor.looks >= most and not visitor.is_known):
             visitor.end()
             self._strangers.leave(visitor)
             if self._all.get(visitor.key) is visitor:
                 del self._all[visitor.key]
             return
-        asyncio.get_running_loop().call_later(WITHIN if visitor.is_known else left, self._look, visitor)
+        visitor.looks += 1
+        asyncio.get_running_loop().call_later(WITHIN / LOOKS, self._look, visitor)
 
 
 def protocols_for(visitors: Visitors) -> tuple[type[asyncio.Protocol], type[asyncio.Protocol]]:

@@ -33,7 +33,7 @@ class Client(asyncio.Protocol):
         self.number = 0  # 0: it has not said who it is
         self.name = ""
         self.wants = "none"
-        self.since = time.monotonic()
+        self.silent_ticks = 0  # of the server, before it has said who it is; a stall of the server is one of them
         self.is_remote = False  # behind TCP
         self.is_too_many = False
         self.is_gone = False  # it has said so
@@ -208,7 +208,7 @@ class Client(asyncio.Protocol):
         self._strangers.wait(self, makes_way=not self._server.wrong_tokens.is_short)
         self._transport.pause_reading()
         self._later = []
-        self.since = time.monotonic()
+        self.silent_ticks = 0
         self._server.loop.call_later(delay, self._attach_now, request)
 
     def _attach_now(self, request: words.Attach) -> None:

@@ -30,7 +30,7 @@ from wirebond.server.commands import Commands
 from wirebond.server.control import ControlBook, Why
 from wirebond.server.recordings import Recordings
 from wirebond.server.stop import OWNER, StopBook
-from wirebond.server.strangers import Strangers, WrongTokens
+from wirebond.server.strangers import WITHIN, Strangers, WrongTokens
 
 if TYPE_CHECKING:
     from wirebond.link import Link
@@ -41,7 +41,6 @@ _GATHER = 0.001  # seconds that received messages may wait for others, so that a
 MOST_CLIENTS = 256
 _BACKLOG = 32  # connections that are accepted before the loop does anything else
 _WAITING = 1024  # connections that the system keeps until they are accepted
-_ATTACH_WITHIN = 2.0  # seconds after which a connection that said nothing is closed
 _PATIENCE = 5.0  # seconds that the thread has to begin and to end
 
 
@@ -324,8 +323,10 @@ class Owner:
                     client.tell_lost()
                 if self.recordings.has_failed:
                     self.disk.submit(self.recordings.end_failed)
-                for client in [c for c in self.waiting if now - c.since > _ATTACH_WITHIN]:
-                    client.refuse("silent", f"the first message did not come within {_ATTACH_WITHIN:g} s")
+                for client in self.waiting:
+                    client.silent_ticks += 1
+                for client in [c for c in self.waiting if c.silent_ticks > WITHIN / words.TICK_EVERY]:
+                    client.refuse("silent", f"the first message did not come within {WITHIN:g} s")
             await asyncio.sleep(_LOOK_EVERY)
 
     def catch_up(self) -> None:

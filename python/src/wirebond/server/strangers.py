@@ -10,6 +10,7 @@ from typing import Generic, TypeVar
 
 MOST = 128  # connections of strangers at a time: more than are accepted before the first of them is read
 WITHIN = 2.0  # seconds in which a stranger must say something
+LOOKS = 8  # at those who say nothing, in that time. Time in which the server itself stood still counts as one of them
 DELAY = 1.0  # seconds that a token waits for its answer, after a wrong one from the same address
 LONG = 20  # characters of a token that nobody guesses, however many tries a second there are
 _REMEMBER = 60.0  # seconds that a wrong token counts

@@ -56,9 +56,7 @@ def diagnose(link: Link, seconds: float = math.inf) -> list[Diagnosis]:
     dropped = dump.dropped_bytes + len(dump.received) + len(dump.sent) - size
     found = diagnose_dump(Dump(dump.codec, dump.t, pieces[::-1], dropped, dump.role), link.baud, seconds)
     reader = other_readers(link.device) if found and not link.is_attached else None
-    if reader is None:
-        return found
-    return [reader, *(one for one in found if one.kind not in (Kind.UNKNOWN, Kind.SHARED_PORT))]
+    return found if reader is None else [reader, *found]
 
 
 def diagnose_dump(dump: Dump, baud: int, seconds: float = math.inf) -> list[Diagnosis]:

@@ -31,7 +31,7 @@ def other_readers(tty: str) -> Diagnosis | None:
         return None
     return Diagnosis(
         Kind.SHARED_PORT,
-        "Another program has this port open, and each byte that it reads is lost to the link",
+        "Another program has this port open; if it reads from it, the link never sees those bytes",
         f"{named(users)} {'has' if len(users) == 1 else 'have'} {tty} open",
         f"End {'it' if len(users) == 1 else 'them'} with `kill {' '.join(str(one.pid) for one in users)}`; programs "
         "that share a line attach to `wirebond serve`.",

@@ -601,9 +601,7 @@ class AttachedLink:
                 if now >= next_beat:
                     next_beat = now + words.BEAT_EVERY
                     self._write(words.Beat(tick=self._tick))
-                poll = select.poll()
-                poll.register(found, select.POLLIN)
-                if not poll.poll(max(next_beat - now, 0.0) * 1e3):
+                if not _is_readable(found, max(next_beat - now, 0.0)):
                     continue
                 data = found.recv(1 << 18)
                 if not data:
@@ -670,3 +668,13 @@ class AttachedLink:
             call.done.set()
         if said.get("ok") == "left":
             self._leaves.set()
+
+
+def _is_readable(connection: socket.socket, seconds: float) -> bool:
+    """Will a read return at once, also with an error? Waits so long for it."""
+    poll = select.poll()
+    try:
+        poll.register(connection, select.POLLIN)
+    except ValueError:  # another thread, which could not write to it, has just closed it
+        return True
+    return bool(poll.poll(seconds * 1e3))
