@@ -65,6 +65,21 @@ export class Series {
     return index >= this.start && !Number.isNaN(this.low[index]!) ? index : -1;
   }
 
+  /** Least and greatest of the rows that begin behind `from` and up to `to`; where none does, of the row that holds
+   *  there; null: a gap is there. */
+  within(from: number, to: number): [number, number] | null {
+    let row = this.countTo(from);
+    const end = this.countTo(to);
+    if (row >= end) row = this.at(to);
+    if (row < 0) return null;
+    let found: [number, number] | null = null;
+    do {
+      const [low, high] = [this.low[row]!, this.high[row]!];
+      if (!Number.isNaN(low)) found = [Math.min(low, found?.[0] ?? low), Math.max(high, found?.[1] ?? high)];
+    } while (++row < end);
+    return found;
+  }
+
   /** The row that a line comes from at `t`: the newest at or before it, else the first. */
   before(t: number): number {
     return Math.max(this.start, this.countTo(t) - 1);

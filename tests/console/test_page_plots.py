@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,8 @@ from tests.console.browser import DIFFDRIVE, Desk, noisy_robot, open_page, serio
 from tests.waiting import wait_until
 from wirebond.console import Console
 from wirebond.generate.new.template import template_text
+from wirebond.recording.history.history import History
+from wirebond.recording.history.pixels import Pixels
 from wirebond.server import Server
 
 pytestmark = pytest.mark.live
@@ -195,7 +198,16 @@ def test_the_numbers_of_an_axis_are_whole(browser: Browser, tmp_path: Path) -> N
         assert [text for text, begins in page.evaluate("texts") if begins < 0] == []
 
 
-def test_the_picture_of_a_long_history_has_its_peaks(browser: Browser) -> None:
+@pytest.mark.parametrize("rows_of_a_pixel", [1, 2])  # two: as while the numbers of an axis make the plot narrower
+def test_the_picture_of_a_long_history_has_its_peaks(
+    browser: Browser, rows_of_a_pixel: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pixels = History.pixels
+
+    def narrower(history: History, fields: Sequence[str], begin: float, end: float, width: float) -> list[Pixels]:
+        return pixels(history, fields, begin, end, width / rows_of_a_pixel)
+
+    monkeypatch.setattr(History, "pixels", narrower)
     found = look(browser, seconds=20.0, moves=3)
     assert found["greatest"] == PEAK
     assert len(found["answers"]) >= 3 * 3  # every movement was shown, with all of its lines

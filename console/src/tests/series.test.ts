@@ -35,6 +35,18 @@ test("a gap has no value, neither under the cursor nor in the range", () => {
   expect(series.range(0, 9)).toEqual([10, 50]);
 });
 
+test("a pixel has the values of all rows that begin in it, and else those that hold there", () => {
+  const series = new Series();
+  series.take(column([1, 2, 3, 3.5, 5], [10, -20, 30, NaN, 50], [11, 21, 31, NaN, 51]), true, 0);
+  expect(series.within(0.5, 2.5)).toEqual([-20, 21]);
+  expect(series.within(1, 2)).toEqual([-20, 21]); // what begins at its left edge is of the pixel before
+  expect(series.within(2.1, 2.2)).toEqual([-20, 21]);
+  expect(series.within(2.9, 3.6)).toEqual([30, 31]);
+  expect(series.within(3.6, 4)).toBeNull();
+  expect(series.within(0, 0.5)).toBeNull();
+  expect(series.within(6, 7)).toEqual([50, 51]);
+});
+
 test("a batch tells up to which time the rows stay as they were", () => {
   const series = new Series();
   expect(series.take(column([1, 2, 3], [10, 20, 30]), true, 0)).toBe(-Infinity);
