@@ -62,15 +62,16 @@ def mcu() -> Iterator[Mcu]:
     found.close()
 
 
-def states(link: wirebond.Link, number: int) -> list[wirebond.Message]:
-    """At least `number` messages with a stamp, one of them known to 0.1 s.
+def states(link: wirebond.Link, number: int, since: float = 0.0) -> list[wirebond.Message]:
+    """At least `number` messages with a stamp that came after `since`, one of them known to 0.1 s.
 
     On a busy machine an exchange of clock readings can take long, and the stamps are then known less well.
     """
     found: list[wirebond.Message] = []
 
     def look() -> bool:
-        found.extend(m for m in link.receive(0.05) if m.name == "state" and m.stamp is not None)
+        new = [m for m in link.receive(0.05) if m.name == "state" and m.t > since]
+        found.extend(m for m in new if m.stamp is not None)
         return len(found) >= number and any((m.stamp_error or 1) < 0.1 for m in found)
 
     wait_until(look, "states with stamps")
@@ -108,7 +109,8 @@ def test_a_recording_has_them_in_messages_columns_and_exports(mcu: Mcu, tmp_path
     with wirebond.open(AXIS, mcu.port) as link, link.record(file):
         before = 0 if link.clock is None else link.clock.exchanges  # of these the recording may know nothing
         wait_until(lambda: link.clock is not None and link.clock.exchanges >= before + 6, "six exchanges")
-        states(link, 10)
+        # The link also stamps what came before the first of them; the recording knows the clock from then on.
+        states(link, 10, since=time.monotonic())
     recording = wirebond.recording.open(file)
     table = recording.columns()["state"]
     assert table.t is not None and table.stamp is not None and table.stamp_error is not None
