@@ -71,6 +71,22 @@ def test_the_words_of_the_stm32_are_those_of_its_manual() -> None:
     assert codec.encode("word", word=0x12345678).hex() == "78563412df8a8a2b"
 
 
+WORDS = "type: xor16, odd: refuse"
+
+
+@pytest.mark.parametrize(
+    "checks",
+    [
+        f"{{check: {{{WORDS}, over: id, seed: message}}, name: a}}, payload: 2",  # two bytes, and the check of one more
+        f"{{check: {{{WORDS}, over: magic..id}}, name: a}}, payload: 2, {{check: {{{WORDS}, over: payload}}, name: b}}",
+    ],
+)
+def test_a_frame_whose_check_would_refuse_all_of_them_is_no_frame(checks: str) -> None:
+    frame = f"frame: [magic: 0xA5, id: u16, {checks}]"
+    with pytest.raises(wirebond.ProtocolFileError, match="always ends a check's range within a word"):
+        loads(f"wirebond: 1\nprotocol: p\n{frame}\nmessages: {{m: {{id: 1, sender: mcu, fields: {{x: u16}}}}}}\n")
+
+
 @pytest.mark.parametrize("width", range(3, 8))
 @pytest.mark.parametrize("steps", ["", ", negate: true", ", plus: 5", ", negate: true, plus: 2, mask: 3, xorout: 1"])
 def test_a_crc_of_fewer_than_eight_bits_has_no_more_of_them_behind_its_last_steps(width: int, steps: str) -> None:

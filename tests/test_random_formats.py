@@ -50,13 +50,13 @@ class Drawn:
 def drawn_format(seed: int) -> Drawn:
     """Nearly all drawn files load; the others break a rule of the loader (arrays of lists of flags, say)."""
     source = random.Random(f"format {seed}")
-    for _ in range(5):
+    for _ in range(30):
         text = random_protocol(source, seed)
         try:
             return Drawn(seed, text, Codec(loads(text)))
         except ProtocolFileError:
             continue
-    raise AssertionError(f"five drawn files in a row do not load; the last is format {seed}\n{text}")
+    raise AssertionError(f"thirty drawn files in a row do not load; the last is format {seed}\n{text}")
 
 
 def drawn_check(seed: int) -> Drawn:

@@ -61,9 +61,12 @@ std::string refusal(const FormatTable& format, const MessageTable& message, std:
   if (static_cast<std::int64_t>(payload) > most) {
     return begin + "; with this header the frame's length can tell at most " + std::to_string(most);
   }
-  if (form.payload_unit > 1 && payload % form.payload_unit != form.payload_rest) {
-    return begin + ", and with them the frame's check has no whole number of words of " +
-           std::to_string(form.payload_unit) + " bytes, which it refuses";
+  for (const std::size_t index : forms) {
+    const Form& one = format.format().forms[index];
+    if (one.payload_unit > 1 && (one.trims_zeros || payload % one.payload_unit != one.payload_rest)) {
+      return begin + ", and with them the frame's check has no whole number of words of " +
+             std::to_string(one.payload_unit) + " bytes, which it refuses";
+    }
   }
   return begin + ", which the frame's length cannot tell: it counts by " + std::to_string(form.length_unit);
 }

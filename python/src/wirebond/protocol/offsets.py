@@ -179,17 +179,18 @@ def _refused_sizes(parts: tuple[Part, ...], payload_index: int, checks: list[Par
 
     A rest as great as the divisor lets none pass.
     """
-    found = {1: 0}
+    found = [(1, 0)]
     for check in checks:
         if check.algorithm is None or check.algorithm.odd != OddTail.REFUSE:
             continue
         unit = check.algorithm.unit
         beside = sum(part.size for index, part in enumerate(parts) if check.first <= index <= check.last)
+        missing = -(beside + check.seeded) % unit
         covers_payload = check.first <= payload_index <= check.last
-        found[unit] = -(beside + check.seeded) % unit if covers_payload else (beside % unit and unit)
-    most = max(found)
-    agree = all(rest == found[most] % unit for unit, rest in found.items())
-    return most, found[most] if agree else most
+        found.append((unit, missing if covers_payload or missing == 0 else unit))
+    most, most_rest = max(found)
+    agree = all(rest == most_rest % unit for unit, rest in found)
+    return most, most_rest if agree else most
 
 
 def _number_of(choice: Choice, header: list[HeaderNumber], message_id: Number | None) -> Number | None:

@@ -33,6 +33,11 @@ def uncarried(parts: tuple[Part, ...], id_bits: int, message: Message) -> str:
             )
         for size in (message.min_payload, message.max_payload):
             allowed = [form for form in own if _allows(form, message, size)]
+            if any(form.payload_rest == form.payload_unit for form in own) and not allowed:
+                return (
+                    f"the frame of `{message.name}` always ends a check's range within a word, which the check refuses "
+                    "(`odd: refuse`); let it cover whole words, or write `odd: pad`"
+                )
             units = {form.payload_unit for form in own if size % form.payload_unit != form.payload_rest}
             if not allowed and len(units) == 1:
                 return (

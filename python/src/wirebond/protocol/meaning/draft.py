@@ -212,7 +212,11 @@ def _size_untold(draft: Draft, message: Message) -> str:
         return ""
     own = forms(draft.parts, message.sender)
     form = max(own, key=lambda form: form.most_payload)
-    if message.max_payload > form.most_payload or any(form.carries(message.max_payload) for form in own):
+    if (
+        form.length_unit == 1
+        or message.max_payload > form.most_payload
+        or any(form.carries(message.max_payload) for form in own)
+    ):
         return ""
     over = (message.max_payload - form.length_bias) % form.length_unit
     return (
