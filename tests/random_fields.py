@@ -15,6 +15,7 @@ from wirebond.protocol.names import code_name
 
 SCALES = ("0.5", "0.1", "0.01", "0.001", "2", "-0.25", "0.0625", "1.5")
 OFFSETS = ("-40", "3.2", "-3.2", "100", "0.5")
+ENDS = ("0x2C", "0x20", "0x00", "0xFF")  # of numbers in characters
 TEXTS = ("", "a", "ok", "né", "0 1")
 # Words that generated code may use for itself stand beside plain names.
 NAMES = (
@@ -125,6 +126,8 @@ class FieldSource:
             return {self._name(taken): self._ended(room)}
         draw = self._random.choice([*draws, *nested])
         drawn = draw(room, depth) if draw in nested else draw(room)  # type: ignore[call-arg]
+        if draw == self._number and drawn is not None:
+            drawn = self._at_times_in_characters(drawn, room)
         return {self._name(taken): drawn} if drawn is not None and drawn.most <= room else {}
 
     # ---- numbers
@@ -144,6 +147,25 @@ class FieldSource:
         options, default = self._options(letter, bits)
         word = self._order(f"{letter}{bits}", bits)
         return Drawn(f"{{type: {_at_times_digits(word, f'{options}{self._given(default)}')}}}", bits // 8)
+
+    def _at_times_in_characters(self, drawn: Drawn, room: int) -> Drawn:
+        """At times a whole number is sent in digits. Drawn by itself, so that other fields stay as they are."""
+        found = re.fullmatch(r"\{type: ([ui])(8|16|24|32|40|48)(, .*|)\}", drawn.text)
+        own = random.Random(f"characters {drawn.text}")
+        if found is None or own.random() < 0.6:
+            return drawn
+        letter, bits, options = found[1], int(found[2]), found[3]
+        notation = own.choice(("decimal", "decimal", "hex")) if letter == "u" else "decimal"
+        size = bits // 4 if notation == "hex" else len(str(-(2 ** (bits - 1)) if letter == "i" else 2**bits))
+        text = f"{{type: {letter}{bits}, text: {notation}{options}"
+        if notation == "decimal" and not re.search("scale|range|default|enum|flags", options):
+            decimals = own.randint(1, 4)
+            text, size = f"{text}, decimals: {decimals}", max(size + 1, decimals + 3)
+        ends = self._vary >= Vary.COUNTED and own.random() < 0.5
+        if size + ends > room:
+            return drawn
+        self._constants = self._constants and not ends
+        return Drawn(f"{text}, {f'ends_with: {own.choice(ENDS)}' if ends else f'size: {size}'}}}", size + ends)
 
     def _float(self) -> Drawn:
         bits = self._random.choice((32, 64))

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 from tests.random_checks import random_check
 from tests.random_fields import FieldSource, Vary
+from wirebond.protocol.plan import MAX_CHECKS
 
 # Checks and their bytes.
 SHORT_CHECKS = {
@@ -147,10 +148,12 @@ class _FormatSource:
             return [*texts, f"silence: {self._random.choice(('2 ms', '500 us', '20 ms'))}"]
         if self._framing == "lines":  # nothing is stuffed: the test's streams show what is lost then
             end = self._random.choice(("0x0A", "0x0A", "0x0D 0x0A"))
+            texts = self._at_times_in_decimal(texts)
             return [*([f"delimiter: {end}"] if self._chance(0.4) else []), *texts, f"delimiter: {end}"]
         if self._framing == "brackets":
             self._looks_again = True
             opening, closing = self._random.choice((("0x24", "0x0A"), ("0xAA 0x55", "0x0A"), ("0x24", "0x0D 0x0A")))
+            texts = self._at_times_in_decimal(texts)
             return [f"delimiter: {opening}", *texts, f"delimiter: {closing}"]
         front, back = self._plain_parts() if self._chance(0.35) else (0, 0)
         stop = len(texts) - back
@@ -181,6 +184,15 @@ class _FormatSource:
             opening, group = [f"delimiter: {byte}"] if opens else [], f"{self._framing}: {inner}"
             closing = f"delimiter: {byte}"
         return [*opening, *texts[:front], group, *texts[stop:], closing]
+
+    def _at_times_in_decimal(self, texts: list[str]) -> list[str]:
+        """At times a check in decimal digits ends the frame. Drawn by itself: other formats stay as they are."""
+        drawn = random.Random(f"decimal {texts}")
+        kinds = [part.kind for part in self._parts]
+        if "tail" in kinds or kinds.count("check") == MAX_CHECKS or drawn.random() < 0.3:
+            return texts
+        name = drawn.choice(("xor8", "sum8", "sum16", "crc-16/modbus", "crc-24/openpgp", "crc-32/iso-hdlc"))
+        return [*texts, "{constant: 0x2A, name: star}", f"{{check: {{type: {name}, text: decimal}}, name: digits}}"]
 
     def _doubled_alone(self, inner: str) -> tuple[list[str], str, str]:
         """One byte opens a frame, whose first byte must not look like the rest of a delimiter."""

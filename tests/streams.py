@@ -62,7 +62,10 @@ def _size(fields: tuple[Field, ...], values: dict[str, Any]) -> int:
     total = 0
     for described in fields:
         value = values.get(described.name)
-        if described.is_string and described.size == 0:
+        if described.digits is not None:
+            length = len(described.digits.text(described.wire_number(values[described.name])))
+            total += described.size or length + (described.ends_with is not None)
+        elif described.is_string and described.size == 0:
             data = value.encode() if isinstance(value, str) else value
             total += len(data or b"") + (described.ends_with is not None)
         else:

@@ -35,6 +35,7 @@ FRAMES: list[tuple[str, str, str, str, dict[str, Any], dict[str, int]]] = [
     ("pololu", "host", "83 01 17", "exit_safe_start", {}, {}),
     ("vedirect_hex", "mcu", b":A0002000148\n".hex(), "update", {"register": 512, "flags": 0, "value": 1}, {}),
     ("vedirect_hex", "mcu", b":51641F9\n".hex(), "pong", {"version": 16662}, {}),
+    ("gcode_line", "host", b"N3 T0*57\n".hex(), "line", {"line": 3, "command": "T0"}, {}),
 ]  # fmt: skip
 
 

@@ -25,7 +25,7 @@ from tests.streams import Speaker, chunks, hard_pieces, header_bits, random_valu
 from wirebond import Codec, Message, MessageError, ProtocolFileError, Stats, _engine
 from wirebond.link.settings import engine_settings
 from wirebond.protocol import loads
-from wirebond.protocol.model import End, FrameFormat, Stuffing
+from wirebond.protocol.model import End, FrameFormat
 from wirebond.protocol.model.forms import header_fields
 
 pytestmark = pytest.mark.live
@@ -199,7 +199,7 @@ def verify_intact(drawn: Drawn, source: random.Random) -> None:
 def holds_delimiter(frame_format: FrameFormat, frame: bytes) -> bool:
     """May a byte that is not stuffed look like a delimiter?"""
     marks = [mark for mark in (frame_format.opening, frame_format.delimiter) if mark]
-    is_stuffed = frame_format.stuffing != Stuffing.NONE and not any(part.is_plain for part in frame_format.parts)
+    is_stuffed = frame_format.stuffing.hides_delimiters and not any(part.is_plain for part in frame_format.parts)
     if not marks or is_stuffed:
         return False
     inner = frame[len(frame_format.opening or b"") : -len(marks[-1])]

@@ -136,7 +136,7 @@ bool CdrPacker::find(const std::vector<FieldTable>& fields, nb::handle path, Val
         break;
       }
     }
-    if (found == nullptr || found->is_string() || found->repeat == Repeat::listed) return false;
+    if (found == nullptr || found->is_characters() || found->repeat == Repeat::listed) return false;
     value.field = found;
     value.place += found->at;
     value.index = 0;

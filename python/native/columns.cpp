@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "capture.hpp"
+#include "characters.hpp"
 #include "decoder.hpp"
 #include "fields.hpp"
 
@@ -34,6 +35,7 @@ struct Column {
   bool may_lack = false;                    ///< in an element that is not in every row
   std::vector<const std::uint8_t*> places;  ///< place in each row, if it moves; null: the row lacks it
   nb::object objects;                       ///< a list of values, if numpy has no type for them
+  std::vector<double> numbers;              ///< of a number in characters: its values; NaN: the row has none
 };
 
 /// Check whether the field becomes a list of Python values: it varies in size, and is no group.
@@ -60,7 +62,7 @@ void add_columns(const std::vector<FieldTable>& fields, const std::string& prefi
       }
       continue;
     }
-    out.push_back({prefix + field.name, &field, place + field.at, moves, may_lack, {}, {}});
+    out.push_back({prefix + field.name, &field, place + field.at, moves, may_lack, {}, {}, {}});
     if (holds_objects(field)) out.back().objects = nb::list();
     moves = moves || field.is_variable;
   }
@@ -75,8 +77,21 @@ void skip_columns(const std::vector<FieldTable>& fields, std::vector<Column>& co
     }
     Column& column = columns[next++];
     column.places.push_back(nullptr);
+    if (field.digits) column.numbers.push_back(std::nan(""));
     if (column.objects.is_valid()) nb::borrow<nb::list>(column.objects).append(nb::none());
   }
+}
+
+/// Return the value of an integer or a float.
+double value_of(const FieldTable& field, std::uint64_t raw) {
+  const double wire = field.kind == FieldKind::floating         ? float_of(field, raw)
+                      : field.kind == FieldKind::signed_integer ? static_cast<double>(signed_of(field, raw))
+                                                                : static_cast<double>(unsigned_of(field, raw));
+  return field.scaled ? to_si(field, wire) : wire;
+}
+
+double number_of(const FieldTable& field, const Spelled& spelled) {
+  return spelled.raw ? value_of(field, *spelled.raw) : std::nan("");
 }
 
 /// Read one row's values of the columns with objects, and places of those that move. `next` counts the columns.
@@ -99,6 +114,7 @@ void read_row(const std::vector<FieldTable>& fields, std::size_t place, Walk& wa
     }
     Column& column = columns[next++];
     if (column.moves) column.places.push_back(walk.at(here));
+    if (field.digits) column.numbers.push_back(number_of(field, read_characters(field, here, walk)));
     if (!column.objects.is_valid()) continue;
     const std::uint64_t promised = field.is_variable ? counts.promised(field) : 0;
     nb::borrow<nb::list>(column.objects).append(decode_field(field, here, promised, walk));
@@ -201,16 +217,11 @@ nb::object lacking_column(const Column& column) {
   const FieldTable& field = *column.field;
   const std::size_t elements = field.count;
   std::vector<double> values(column.places.size() * elements, std::nan(""));
-  const auto value_of = [&](std::uint64_t bits) {
-    const double wire = field.kind == FieldKind::floating         ? float_of(field, bits)
-                        : field.kind == FieldKind::signed_integer ? static_cast<double>(signed_of(field, bits))
-                                                                  : static_cast<double>(unsigned_of(field, bits));
-    return field.scaled ? to_si(field, wire) : wire;
-  };
   with_load(field, [&](auto load) {
     for (std::size_t row = 0; row < column.places.size(); ++row) {
       const std::uint8_t* const at = column.places[row];
-      for (std::size_t i = 0; at != nullptr && i < elements; ++i) values[row * elements + i] = value_of(load(at, i));
+      for (std::size_t i = 0; at != nullptr && i < elements; ++i)
+        values[row * elements + i] = value_of(field, load(at, i));
     }
   });
   auto* const owned = new std::vector<double>(std::move(values));
@@ -218,7 +229,8 @@ nb::object lacking_column(const Column& column) {
   return array_over(owned->data(), column.places.size(), &field, owner);
 }
 
-nb::object number_column(const Column& column, const Rows& rows, std::size_t stride) {
+nb::object number_column(Column& column, const Rows& rows, std::size_t stride) {
+  if (column.field->digits) return make_array(std::move(column.numbers));
   if (column.may_lack) return lacking_column(column);
   const FieldTable& field = *column.field;
   const auto raw = [&](std::uint64_t bits) { return unsigned_of(field, bits); };
@@ -263,7 +275,8 @@ nb::dict columns_of(const MessageTable& message, const Rows& rows) {
   add_columns(message.fields, "", 0, moves, false, columns);
   const bool varies = message.max_payload != message.min_payload;
   bool walks = false;
-  for (const Column& column : columns) walks = walks || column.moves || column.objects.is_valid();
+  for (const Column& column : columns)
+    walks = walks || column.moves || column.objects.is_valid() || column.field->digits;
   for (std::size_t i = 0; walks && i < rows.offsets.size(); ++i) {
     const std::size_t begin = varies ? rows.begin_of(i) : i * message.min_payload;
     const std::size_t size = varies ? rows.ends[i] - begin : message.min_payload;
@@ -280,7 +293,7 @@ nb::dict columns_of(const MessageTable& message, const Rows& rows) {
     }
   }
   nb::dict out;
-  for (const Column& column : columns) {
+  for (Column& column : columns) {
     out[column.name.c_str()] =
         column.objects.is_valid() ? column.objects : number_column(column, rows, message.min_payload);
   }

@@ -102,6 +102,7 @@ struct Limits {
 };
 
 Limits limits_of(const FieldTable& field) {
+  if (field.digits) return {field.least, field.greatest};
   if (field.kind == FieldKind::bcd) return {0, bcd_end(field.width) - 1};
   if (field.kind != FieldKind::signed_integer) return {0, low_bits(field.width)};
   const std::uint64_t high = low_bits(field.width) >> 1;
@@ -164,8 +165,9 @@ std::uint64_t scaled_bits(const FieldTable& field, nb::handle value, const Path&
   const double wire = to_wire(field, si);
   const Limits limits = limits_of(field);
   // As doubles both 2^64 - 1 and 2^63 - 1 round up to a number that does not fit.
-  const double beyond = field.kind == FieldKind::bcd
-                            ? static_cast<double>(bcd_end(field.width))
+  const double beyond = field.kind == FieldKind::bcd ? static_cast<double>(bcd_end(field.width))
+                        : field.digits
+                            ? static_cast<double>(field.greatest) + 1
                             : std::ldexp(1.0, field.width - (field.kind == FieldKind::signed_integer ? 1 : 0));
   if (!(wire >= static_cast<double>(limits.low) && wire < beyond)) does_not_fit(field, value, path);
   return field.kind == FieldKind::signed_integer ? static_cast<std::uint64_t>(static_cast<std::int64_t>(wire))

@@ -36,7 +36,7 @@ void read_repeat(FieldTable& table, nb::handle field) {
   const nb::object count = field.attr("count");
   table.max_count = nb::cast<std::uint32_t>(field.attr("max_count"));
   table.stride = nb::cast<std::size_t>(field.attr("element_min_bytes"));
-  if (table.is_string()) {  // one value of this many bytes
+  if (table.is_characters()) {  // one value of this many bytes
     table.count = nb::cast<std::uint32_t>(field.attr("size"));
     table.max_count = nb::cast<std::uint32_t>(field.attr("max_size"));
     table.stride = 1;
@@ -96,10 +96,17 @@ FieldTable read_field(nb::handle field, std::size_t at) {
   table.order = byte_order_of(field.attr("order"));
   table.at = at;
   table.is_variable = nb::cast<bool>(field.attr("is_variable"));
+  const nb::object digits = field.attr("digits");
+  if (!digits.is_none()) {
+    table.digits = Digits{nb::cast<std::uint8_t>(digits.attr("base")), nb::cast<std::uint8_t>(digits.attr("decimals"))};
+    const nb::object limits = field.attr("whole_limits");
+    table.least = nb::cast<std::int64_t>(nb::object(limits[0]));
+    table.greatest = nb::cast<std::uint64_t>(nb::object(limits[1]));
+  }
   read_repeat(table, field);
   read_meaning(table, field);
   if (table.kind != FieldKind::structure && !table.is_string()) {
-    table.size = nb::cast<std::uint8_t>(field.attr("size"));
+    table.size = table.digits ? std::uint8_t{1} : nb::cast<std::uint8_t>(field.attr("size"));
     table.width = nb::cast<std::uint8_t>(field.attr("width"));
     table.sign_magnitude = nb::cast<bool>(field.attr("sign_magnitude"));
   }

@@ -5,12 +5,14 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "wirebond/bits.hpp"
 #include "wirebond/bytes.hpp"
+#include "wirebond/digits.hpp"
 
 namespace wirebond::engine {
 
@@ -72,6 +74,9 @@ struct FieldTable {
   std::vector<std::pair<std::uint8_t, std::uint8_t>> pieces;  ///< lowest bit and width of each, if it has several
   bool sign_magnitude = false;
   BitOrder bit_order = BitOrder::low_first;
+  std::optional<Digits> digits;  ///< it is sent in characters, at a place as that of a string
+  std::int64_t least = 0;        ///< of such a number: what its characters have room for
+  std::uint64_t greatest = 0;
 
   // Meaning.
   bool scaled = false;
@@ -94,6 +99,9 @@ struct FieldTable {
   std::vector<FieldTable> fields;  ///< of a structure
 
   bool is_string() const { return kind == FieldKind::text || kind == FieldKind::bytes; }
+
+  /// Check whether it is a string on the wire: one, or a number in characters.
+  bool is_characters() const { return is_string() || digits.has_value(); }
 };
 
 /// Return tables of a tuple of model Fields. Needs the GIL.

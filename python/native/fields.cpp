@@ -10,6 +10,8 @@
 #include <string>
 #include <string_view>
 
+#include "characters.hpp"
+
 namespace wirebond::engine {
 
 namespace {
@@ -30,6 +32,11 @@ nb::object decode_string(const FieldTable& field, std::size_t place, std::uint64
     if (end != nullptr) size = static_cast<std::size_t>(static_cast<const char*>(end) - at);
   }
   return steal(PyUnicode_DecodeUTF8(at, static_cast<Py_ssize_t>(size), "replace"));
+}
+
+nb::object decode_characters(const FieldTable& field, std::size_t place, Walk& walk) {
+  const Spelled found = read_characters(field, place, walk);
+  return found.raw ? decode_element(field, *found.raw) : nb::none();
 }
 
 nb::object decode_one(const FieldTable& field, std::size_t place, Walk& walk) {
@@ -94,24 +101,43 @@ void validate_promises(const FieldTable& field, const Counts& counts, std::size_
   }
 }
 
+/// Report a string without the byte that ends it. `most`: bytes among which it may come.
+void add_missing_end(const FieldTable& field, std::size_t most, const Path& path, nb::list& out) {
+  char end[8];
+  std::snprintf(end, sizeof end, "0x%02X", static_cast<unsigned>(field.ends_with) & 0xFFu);
+  add(out, path,
+      std::string(" does not end with ") + end + " within " + std::to_string(most + 1) +
+          (most == 0 ? " byte" : " bytes"));
+}
+
 void validate_string(const FieldTable& field, std::size_t place, const Counts& counts, Walk& walk, const Path& path,
                      nb::list& out) {
   const char* const at = reinterpret_cast<const char*>(walk.at(place));
   const std::size_t most = std::min<std::size_t>(walk.spare, field.max_count);
   const std::size_t size = field.count != 0 ? field.count : walk.string_size(field, place, counts.promised(field));
   validate_promises(field, counts, size, path, out);
-  if (field.ends_with >= 0 && at[size] != static_cast<char>(field.ends_with)) {
-    char end[8];
-    std::snprintf(end, sizeof end, "0x%02X", static_cast<unsigned>(field.ends_with) & 0xFFu);
-    add(out, path,
-        std::string(" does not end with ") + end + " within " + std::to_string(most + 1) +
-            (most == 0 ? " byte" : " bytes"));
-  }
+  if (field.ends_with >= 0 && at[size] != static_cast<char>(field.ends_with)) add_missing_end(field, most, path, out);
   if (field.kind == FieldKind::bytes) return;
   const nb::object text = nb::steal(PyUnicode_DecodeUTF8(at, static_cast<Py_ssize_t>(size), nullptr));
   if (text.is_valid()) return;
   PyErr_Clear();
   add(out, path, " is not UTF-8");
+}
+
+void validate_characters(const FieldTable& field, std::size_t place, Walk& walk, const Path& path, nb::list& out) {
+  const std::size_t most = std::min<std::size_t>(walk.spare, field.max_count);
+  const Spelled found = read_characters(field, place, walk);
+  if (!found.is_ended) {
+    add_missing_end(field, most, path, out);
+  } else if (!found.raw) {
+    const nb::object text = steal(
+        PyUnicode_DecodeLatin1(reinterpret_cast<const char*>(found.at), static_cast<Py_ssize_t>(found.size), nullptr));
+    add(out, path,
+        " is " + shown(text) + ", which is no " + std::to_string(field.width) + "-bit number in " +
+            (field.digits->base == 16 ? "hex" : "decimal") + " digits");
+  } else {
+    add(out, path, fault_of(field, *found.raw));
+  }
 }
 
 void validate_element(const FieldTable& field, std::size_t place, std::size_t index, Walk& walk, const Path& path,
@@ -131,7 +157,9 @@ void validate_all(const std::vector<FieldTable>& fields, std::size_t place, Walk
     if (field.counts) counts.tell(field, walk.at(here));
     const std::uint64_t promised = field.is_variable ? counts.promised(field) : 0;
     const Path own{&path, field.name};
-    if (field.is_string()) {
+    if (field.digits) {
+      validate_characters(field, here, walk, own, out);
+    } else if (field.is_string()) {
       validate_string(field, here, counts, walk, own, out);
     } else if (field.repeat == Repeat::listed) {
       const std::size_t found = walk.elements(field, here, promised, [&](std::size_t i, std::size_t at) {
@@ -248,6 +276,18 @@ nb::object string_bytes(const FieldTable& field, nb::handle value, const Path& p
   return bytes;
 }
 
+/// Encode a number in characters at its place.
+void encode_characters(const FieldTable& field, std::size_t place, nb::handle value, const Path& path, Build& build) {
+  const auto number = magnitude_of_raw(field, encode_element(field, value, path));
+  const std::size_t size = field.count != 0 ? field.count : wirebond::detail::size_of_magnitude(*field.digits, number);
+  if (field.count == 0) build.insert(place, size);
+  wirebond::detail::write_magnitude(*field.digits, build.at(place), size, number);
+  if (field.count != 0) return;
+  build.shift += size;
+  build.note_shift(field);
+  if (field.ends_with >= 0) *build.at(place) = static_cast<std::uint8_t>(field.ends_with);
+}
+
 /// Return the size of a sequence, after checking it.
 std::size_t sequence_size(const FieldTable& field, nb::handle value, const Path& path) {
   const bool is_list = field.repeat == Repeat::listed;
@@ -353,7 +393,9 @@ void encode_all(const std::vector<FieldTable>& fields, std::size_t place, nb::ha
         throw_message_error(path.text() + " needs " + field.name + ", which has no default");
       }
     }
-    if (field.is_string()) {
+    if (field.digits) {
+      encode_characters(field, here, value, own, build);
+    } else if (field.is_string()) {
       const nb::object bytes = string_bytes(field, value, own);
       const auto size = static_cast<std::size_t>(PyBytes_GET_SIZE(bytes.ptr()));
       if (field.count == 0) build.insert(here, size);
@@ -379,6 +421,7 @@ void encode_all(const std::vector<FieldTable>& fields, std::size_t place, nb::ha
 }  // namespace
 
 nb::object decode_field(const FieldTable& field, std::size_t place, std::uint64_t promised, Walk& walk) {
+  if (field.digits) return decode_characters(field, place, walk);
   if (field.is_string()) return decode_string(field, place, promised, walk);
   if (field.repeat == Repeat::once) return decode_one(field, place, walk);
   if (field.repeat != Repeat::listed) return decode_fixed(field, place, walk);

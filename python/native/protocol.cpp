@@ -33,6 +33,7 @@ constexpr std::pair<const char*, Stuffing> stuffings[] = {{"none", Stuffing::non
                                                           {"escape", Stuffing::escape},
                                                           {"hex", Stuffing::hex},
                                                           {"hex_after_digit", Stuffing::hex_after_digit},
+                                                          {"decimal_check", Stuffing::decimal_check},
                                                           {"insertion", Stuffing::insertion}};
 
 Position read_position(nb::handle position) {
@@ -236,6 +237,7 @@ FormatTable::FormatTable(nb::handle plan) {
   format_.skips_failed = nb::cast<bool>(plan.attr("skips_failed"));
   format_.plain_front = nb::cast<std::uint8_t>(plan.attr("plain_front"));
   format_.plain_back = nb::cast<std::uint8_t>(plan.attr("plain_back"));
+  format_.decimal_bytes = nb::cast<std::uint8_t>(plan.attr("decimal_bytes"));
   format_.max_payload = nb::cast<std::uint16_t>(plan.attr("max_payload"));
   format_.no_id = nb::cast<std::uint32_t>(plan.attr("no_id"));
   format_.sequence_place = read_place(plan.attr("sequence"));

@@ -27,7 +27,7 @@ def violations_in_cpp(message: Message) -> list[str]:
 def difference(codec: Codec, message: Message, handed: Handed) -> str:
     """What the generated code made of this frame otherwise than the engine; empty if nothing."""
     expected = violations_in_cpp(message)
-    contradicts = any(" tells " in text or " does not end with " in text for text in expected)
+    contradicts = any(mark in text for text in expected for mark in UNREADABLE)
     if handed.wrong_count != contradicts:
         return f"wrong_count is {handed.wrong_count}, the engine finds {expected}"
     if (handed.rejected or handed.clamped) != bool(expected):
@@ -70,6 +70,9 @@ def _loses_digits(field: Field | None, value: Any) -> bool:
         return False
     least = 2.0 ** (-126 if field.size == 4 else -1022)  # the smallest float with all its digits
     return bool(0 < min(abs(value), abs(value / float(field.scale))) < least)
+
+
+UNREADABLE = (" tells ", " does not end with ", "-bit number in ")  # in sentences of what generated code cannot read
 
 
 Leaf = tuple[str, Field | None, Any]  # path, field (None: a number of elements), value

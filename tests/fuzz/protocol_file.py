@@ -9,7 +9,7 @@ from tests.fuzz.emit import bound_rounds_past
 from tests.streams import random_values
 from wirebond import Codec, MessageError
 from wirebond.protocol import ProtocolFileError, loads, protocol_hash
-from wirebond.protocol.model import End, Message, Protocol, Stuffing
+from wirebond.protocol.model import End, Message, Protocol
 from wirebond.protocol.planning import plan_for
 
 _MOST_MESSAGES = 3  # of a file, each time: others of the same kind tell nothing new
@@ -73,7 +73,7 @@ def _verify_message(codec: Codec, message: Message, source: random.Random) -> No
 def _splits(protocol: Protocol, frame: bytes) -> bool:
     """A delimiter among what is not stuffed ends the frame too early; the manual and `wirebond check` say so."""
     frame_format = protocol.format
-    is_stuffed = frame_format.stuffing != Stuffing.NONE and not any(part.is_plain for part in frame_format.parts)
+    is_stuffed = frame_format.stuffing.hides_delimiters and not any(part.is_plain for part in frame_format.parts)
     if frame_format.delimiter is None or is_stuffed:
         return False
     body = frame[len(frame_format.opening or b"") : -len(frame_format.delimiter)]

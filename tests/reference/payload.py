@@ -58,7 +58,7 @@ class _Bound:
         places: dict[str, tuple[int, Field]] = {}
         total = 0
         for field in fields:
-            varies = field.is_list or (field.is_string and field.size == 0)
+            varies = field.is_list or (field.is_characters and field.size == 0)
             if field.kind == FieldKind.STRUCT and not varies:
                 total += sum(self.of(field.fields) for _ in range(field.count or 1))
                 continue
@@ -139,7 +139,7 @@ class _Reader:
     def read(self, fields: tuple[Field, ...]) -> None:
         numbers: dict[str, int] = {}
         for field in fields:
-            if field.is_list or (field.is_string and field.size == 0):
+            if field.is_list or (field.is_characters and field.size == 0):
                 if not field.counted_by:
                     return  # what reaches to the end is the last
                 unit = 1 if field.is_string or field.counted_in_bytes else field.element_min_bytes

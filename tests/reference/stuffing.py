@@ -1,4 +1,4 @@
-"""Stuffing undone: COBS, escapes, hex digits and insertion."""
+"""Stuffing undone: COBS, escapes, hex and decimal digits, and insertion."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from wirebond.protocol.model import Escapes, Protocol, Stuffing
 def overhead(protocol: Protocol, size: int) -> int:
     if protocol.format.insertion is not None:
         return size // len(protocol.format.insertion.after)
+    if protocol.format.stuffing == Stuffing.DECIMAL_CHECK:
+        return _most_digits(protocol) - protocol.format.parts[-1].size
     return {Stuffing.NONE: 0, Stuffing.COBS: 1 + size // 254}.get(protocol.format.stuffing, size)
 
 
@@ -31,9 +33,25 @@ def unstuffed(protocol: Protocol, block: bytes) -> bytes | None:
     elif protocol.format.stuffing == Stuffing.HEX_AFTER_DIGIT:
         digits = re.fullmatch(rb"[0-9A-Fa-f]([0-9A-Fa-f]{2})*", middle)
         content = bytes.fromhex("0" + middle.decode()) if digits else None if middle else b""
+    elif protocol.format.stuffing == Stuffing.DECIMAL_CHECK:
+        content = _undecimal(protocol, middle)
     else:
         content = unescape(escapes, middle) if escapes is not None else uncobs(middle)
     return None if content is None else block[:front] + content + block[len(block) - back :]
+
+
+def _most_digits(protocol: Protocol) -> int:
+    """Of the check, which is sent in decimal digits."""
+    return {1: 3, 2: 5, 3: 8, 4: 10}[protocol.format.parts[-1].size]
+
+
+def _undecimal(protocol: Protocol, block: bytes) -> bytes | None:
+    """The digits at the end, leading zeros included, are the check."""
+    size = protocol.format.parts[-1].size
+    found = re.search(rb"[0-9]{1,%d}\Z" % _most_digits(protocol), block)
+    if found is None or int(found[0]) >= 256**size:
+        return None
+    return block[: found.start()] + int(found[0]).to_bytes(size, "big")
 
 
 def uncobs(block: bytes) -> bytes | None:

@@ -172,6 +172,7 @@ enum class Stuffing : std::uint8_t {
   hex,              ///< each byte is sent as two hex digits
   insertion,        ///< a byte is inserted after each occurrence of a certain sequence
   hex_after_digit,  ///< as hex, but the first byte, which is below 16, is sent as one digit
+  decimal_check,    ///< the check at the end, big-endian, is sent in decimal digits; other bytes as they are
 };
 
 WIREBOND_INLINE constexpr bool is_hex(Stuffing stuffing) {
@@ -209,11 +210,12 @@ struct FormatRules {
   std::uint8_t form_count = 1;
   std::uint8_t own_forms = 1;  ///< the first of the forms: those that a sender chooses from by itself
   std::uint8_t algorithm_count = 0;
-  bool deliver_unknown = false;  ///< unknown ids and other payload sizes are frames, not false starts
-  bool skips_failed = false;     ///< a candidate that failed after its header is not searched again
-  bool length_on_wire = false;   ///< sized: the length counts the bytes as they are sent, after stuffing
-  std::uint8_t plain_front = 0;  ///< this many bytes before the stuffed ones are sent as they are
-  std::uint8_t plain_back = 0;   ///< and this many after them
+  bool deliver_unknown = false;    ///< unknown ids and other payload sizes are frames, not false starts
+  bool skips_failed = false;       ///< a candidate that failed after its header is not searched again
+  bool length_on_wire = false;     ///< sized: the length counts the bytes as they are sent, after stuffing
+  std::uint8_t plain_front = 0;    ///< this many bytes before the stuffed ones are sent as they are
+  std::uint8_t plain_back = 0;     ///< and this many after them
+  std::uint8_t decimal_bytes = 0;  ///< with Stuffing::decimal_check: bytes of that check, at most 4
   std::uint8_t sequence_place = no_header_field;  ///< the header field that counts a sender's frames
   bool sequence_per_message = false;              ///< it counts those of each message
   std::uint8_t peer_place = no_header_field;      ///< the header field that identifies the sender
@@ -274,6 +276,11 @@ WIREBOND_INLINE constexpr std::size_t max_frame_bytes(const Format& format) {
 /// bytes).
 WIREBOND_INLINE constexpr std::size_t cobs_overhead(std::size_t size) { return 1 + size / 254; }
 
+/// Maximum number of decimal digits of a number of `bytes` bytes, at most 4.
+WIREBOND_INLINE constexpr std::size_t decimal_digits(std::size_t bytes) {
+  return bytes == 1 ? 3 : bytes == 2 ? 5 : bytes == 3 ? 8 : 10;
+}
+
 /// Maximum number of bytes that stuffing adds to a frame of `size` bytes.
 WIREBOND_INLINE constexpr std::size_t stuffing_overhead(const FormatRules& format, std::size_t size) {
   switch (format.stuffing) {
@@ -282,6 +289,7 @@ WIREBOND_INLINE constexpr std::size_t stuffing_overhead(const FormatRules& forma
     case Stuffing::hex:
     case Stuffing::hex_after_digit: return size;
     case Stuffing::insertion: return size / format.insertion.size;
+    case Stuffing::decimal_check: return decimal_digits(format.decimal_bytes) - format.decimal_bytes;
     case Stuffing::none: break;
   }
   return 0;

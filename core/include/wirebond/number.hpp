@@ -91,6 +91,14 @@ WIREBOND_INLINE bool nearest(Real value, Wire& wire) {
   return true;
 }
 
+/// Return the integer nearest to `value`, as `nearest` does; 0 if that fails.
+template <class Wire, class Real>
+WIREBOND_INLINE Wire nearest_or_zero(Real value) {
+  Wire wire = 0;
+  static_cast<void>(nearest<sizeof(Wire)>(value, wire));
+  return wire;
+}
+
 /// Store the nearest integer; pairs with `load_integer`. Returns false as `nearest` does, and then stores nothing.
 template <class Wire, ByteOrder Order = ByteOrder::little, unsigned Bytes = sizeof(Wire), class Real>
 WIREBOND_INLINE bool store_nearest(std::uint8_t* to, Real value) {

@@ -122,6 +122,7 @@ WIREBOND_INLINE std::size_t waiting_size(const FormatRules& format, const std::u
   const std::size_t size = room - delimiter_bytes(format);
   if (format.stuffing == Stuffing::none) return size;
   if (is_hex(format.stuffing)) return size / 2;
+  if (format.stuffing == Stuffing::decimal_check) return size - stuffing_overhead(format, size);
   if (format.stuffing == Stuffing::insertion) return size - size / (format.insertion.size + 1u);
   return size - 1 - (size - 1) / 255;  // COBS: 1 + size / 254 more
 }

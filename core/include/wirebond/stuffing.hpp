@@ -155,6 +155,34 @@ inline std::ptrdiff_t unhex_after_digit(const std::uint8_t* from, std::size_t si
   return rest < 0 ? -1 : rest + 1;
 }
 
+/// Replace the number in the last `bytes` of the `size` bytes at `buffer`, which has room for its digits, by its
+/// decimal digits, without leading zeros. Returns the new size.
+inline std::size_t decimal_check_in_place(std::uint8_t* buffer, std::size_t size, std::uint8_t bytes) {
+  auto number = static_cast<std::uint32_t>(load_bytes(buffer + size - bytes, bytes, ByteOrder::big));
+  std::size_t digits = 1;
+  for (std::uint32_t rest = number / 10; rest != 0; rest /= 10) ++digits;
+  const std::size_t end = size - bytes + digits;
+  for (std::size_t i = 1; i <= digits; ++i, number /= 10)
+    buffer[end - i] = static_cast<std::uint8_t>('0' + number % 10);
+  return end;
+}
+
+/// Undo `decimal_check_in_place`. Takes leading zeros up to the longest number. Returns the size, or -1 if there are no
+/// digits at the end, their number has more bytes, or the result does not fit.
+inline std::ptrdiff_t undecimal_check(const std::uint8_t* from, std::size_t size, std::uint8_t bytes, std::uint8_t* to,
+                                      std::size_t capacity) {
+  const std::size_t most = decimal_digits(bytes) < size ? decimal_digits(bytes) : size;
+  std::size_t digits = 0;
+  while (digits < most && from[size - digits - 1] >= '0' && from[size - digits - 1] <= '9') ++digits;
+  const std::size_t begin = size - digits;
+  std::uint64_t number = 0;
+  for (std::size_t i = begin; i < size; ++i) number = 10 * number + (from[i] - std::uint64_t{'0'});
+  if (digits == 0 || number >> (8u * bytes) != 0 || begin + bytes > capacity) return -1;
+  if (begin != 0) std::memcpy(to, from, begin);
+  store_bytes(to + begin, number, bytes, ByteOrder::big);
+  return static_cast<std::ptrdiff_t>(begin + bytes);
+}
+
 /// Check whether the `size` bytes at `bytes` end with the rule's sequence.
 inline bool ends_with(const InsertionRule& rule, const std::uint8_t* bytes, std::size_t size) {
   if (size < rule.size) return false;
@@ -210,6 +238,8 @@ WIREBOND_INLINE std::size_t stuff_in_place(const Source& source, std::uint8_t* f
     stuffed = hex_in_place(begin, inner);
   } else if (format.stuffing == Stuffing::hex_after_digit) {
     stuffed = hex_after_digit_in_place(begin, inner);
+  } else if (format.stuffing == Stuffing::decimal_check) {
+    stuffed = decimal_check_in_place(begin, inner, format.decimal_bytes);
   } else if (format.stuffing == Stuffing::insertion) {
     stuffed = insert_in_place(detail::insertion_of(source), begin, inner);
   } else {
@@ -234,6 +264,8 @@ WIREBOND_INLINE std::ptrdiff_t unstuff(const Source& source, const std::uint8_t*
                                 : format.stuffing == Stuffing::hex ? unhex(block + front, inner, to + front, room)
                                 : format.stuffing == Stuffing::hex_after_digit
                                     ? unhex_after_digit(block + front, inner, to + front, room)
+                                : format.stuffing == Stuffing::decimal_check
+                                    ? undecimal_check(block + front, inner, format.decimal_bytes, to + front, room)
                                 : format.stuffing == Stuffing::insertion
                                     ? uninsert(detail::insertion_of(source), block + front, inner, to + front, room)
                                     : unescape(detail::escapes_of(source), block + front, inner, to + front, room);

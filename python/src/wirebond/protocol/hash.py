@@ -105,6 +105,7 @@ def _part(part: Part) -> dict[str, Any]:
         entry["algorithm"] += _more_than_before(a)
         entry |= {"first": part.first, "last": part.last, "shift": part.shift}
         entry |= {"seeded": part.seeded, "as_hex": part.as_hex}
+        entry |= {"as_decimal": True} if part.as_decimal else {}
     return entry
 
 
@@ -167,7 +168,7 @@ def _field(field: Field) -> dict[str, Any]:
         fixed = {} if field.constant is None else {"constant": [field.constant, field.order.value]}
         return {"kind": field.kind.value, "size": field.size, "bits": field.bits, **fixed}
     entry: dict[str, Any] = {"name": field.name, "kind": field.kind.value, "size": field.size}
-    if field.size > 1 and not field.is_string:
+    if field.size > 1 and not field.is_characters:
         entry["order"] = field.order.value
     entry |= {
         "count": field.count,
@@ -190,5 +191,6 @@ def _field(field: Field) -> dict[str, Any]:
         "counted_in_bytes": field.counted_in_bytes,
         "bytes_counted_by": field.bytes_counted_by,
         "ends_with": None if field.ends_with is None else f"{field.ends_with:02x}",
+        "digits": field.digits and [field.digits.base, field.digits.decimals],
     }
     return entry | {key: value for key, value in added.items() if value}

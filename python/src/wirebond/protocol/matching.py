@@ -159,7 +159,9 @@ def payload_size(fields: tuple[Field, ...], values: dict[str, Any]) -> int:
     total = 0
     for one in fields:
         value = values.get(one.name)
-        if one.is_string and one.size == 0:
+        if one.digits is not None:
+            total += one.size or len(one.digits.text(one.wire_number(values[one.name]))) + (one.ends_with is not None)
+        elif one.is_string and one.size == 0:
             data = value.encode() if isinstance(value, str) else value
             total += len(data or b"") + (one.ends_with is not None)
         else:

@@ -98,7 +98,7 @@ def _numbers_of(
         is_lost = lowering.is_lost or bool(lowering.counts)
         before = lowering.at
         lowering.read(one)
-        if is_lost or one.is_list or one.count is not None or one.packed is not None:
+        if is_lost or one.is_list or one.count is not None or one.packed is not None or one.digits is not None:
             continue
         if one.kind == FieldKind.UNSIGNED and not one.is_scaled:
             yield f"{path}{one.name}", (one, PayloadPlace(before, one.size, one.order, 0, (1 << one.width) - 1))
@@ -171,12 +171,12 @@ class _Lowering:
                 for member in one.fields:
                     self.read(member)
                 self._numbers.pop()
-        elif one.is_list or (one.is_string and one.size == 0):
+        elif one.is_list or (one.is_characters and one.size == 0):
             self._read_varying(one)
         else:
             if one.constant is not None:
                 self._add(one.constant_bytes, b"\xff" * one.size)
-            if one.kind == FieldKind.UNSIGNED and not self.is_lost:
+            if one.kind == FieldKind.UNSIGNED and one.digits is None and not self.is_lost:
                 mask = (1 << one.width) - 1
                 self._numbers[-1][one.name] = CountingNumber(self.at, len(self.counts), one.size, one.order, 0, mask)
             self.at += one.min_wire_bytes

@@ -216,6 +216,7 @@ class Plan:
     skips_failed: bool
     plain_front: int  # bytes before the stuffed ones, sent as they are
     plain_back: int  # bytes behind them
+    decimal_bytes: int  # of the check that is sent in decimal digits; 0: none is
     max_payload: int
     no_id: int  # what stands for the message of a frame without an id
     own_forms: int

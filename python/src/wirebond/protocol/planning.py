@@ -71,6 +71,7 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
         plain_back=sum(
             part.size for part in itertools.takewhile(lambda part: part.is_plain, reversed(frame_format.parts))
         ),
+        decimal_bytes=frame_format.decimal_bytes,
         max_payload=frame_format.max_payload_from(sender),
         no_id=no_id,
         own_forms=own_forms(frame_format.parts, sender),

@@ -66,11 +66,9 @@ def _number(described: Field, wave: float | None) -> float | int:
     if described.kind == FieldKind.FLOAT:
         low, high = -1.0, 1.0
     else:
-        bits = described.width - (described.kind == FieldKind.SIGNED)
-        high = 2.0**bits - 1
-        low = -high if described.kind == FieldKind.SIGNED else 0.0
-        low, high = max(low, -100.0), min(high, 100.0)  # wire units: a lively but modest value
-        low, high = sorted(float(v * described.scale + described.offset) for v in (int(low), int(high)))
+        least, most = described.whole_limits
+        ends = max(least, -100, -most), min(most, 100)  # wire units: a lively but modest value
+        low, high = sorted(float(end * described.scale + described.offset) for end in ends)
     if described.minimum is not None and described.maximum is not None:
         low, high = described.minimum, described.maximum
     value = min(max(0.0, low), high) if wave is None else low + (high - low) * (0.5 + 0.45 * wave)

@@ -19,6 +19,7 @@ from wirebond.protocol.model import (
     CheckKind,
     Comparison,
     Condition,
+    Digits,
     Field,
     FieldKind,
     HeaderField,
@@ -55,7 +56,8 @@ def how_counted(field: Field) -> str:
 
 
 def field_type(field: Field) -> str:
-    """``i16``, ``u11``, ``f32``, ``text``: the word behind ``type:``; of a struct the name of its type."""
+    """``i16``, ``u11``, ``f32``, ``text``: the word behind ``type:``; of a struct the name of its type. A number in
+    characters also says in which: ``i32 in decimal digits``."""
     if field.kind == FieldKind.STRUCT:
         return field.type_name or "struct"
     if field.kind == FieldKind.BITS:
@@ -63,7 +65,15 @@ def field_type(field: Field) -> str:
     letter = "s" if field.sign_magnitude else _LETTERS.get(field.kind)
     if letter is None:
         return field.kind.value
+    if field.digits is not None:
+        return f"{letter}{field.bits} in {_digits_text(field.digits)}"
     return f"{letter}{field.bits}" if field.bits else number_type(letter, field.size, field.order)
+
+
+def _digits_text(digits: Digits) -> str:
+    if digits.base == 16:
+        return "hex digits"
+    return f"decimal digits, {digits.decimals} behind the point" if digits.decimals else "decimal digits"
 
 
 def range_text(parts: tuple[Part, ...], first: int, last: int) -> str:
@@ -288,9 +298,11 @@ def _check(parts: tuple[Part, ...], index: int) -> str:
         options.append(f"over: {range_text(parts, part.first, part.last)}")
     if part.as_hex:
         options.append("text: hex")
+    if part.as_decimal:
+        options.append("text: decimal")
     if part.seeded:
         options.append("seed: message")
-    if size > 1 and part.order == ByteOrder.BIG and not part.as_hex:
+    if size > 1 and part.order == ByteOrder.BIG and not (part.as_hex or part.as_decimal):
         options.append("byte_order: big")
     return f"{{type: {algorithm.name}, {', '.join(options)}}}" if options else algorithm.name
 

@@ -8,7 +8,6 @@ from wirebond.analysis.check.places import Places
 from wirebond.analysis.check.wording import percent
 from wirebond.analysis.samples import pool
 from wirebond.codec import Codec
-from wirebond.protocol.model import Stuffing
 
 RULE = "cut-frame"
 _FRAMES = 256  # of each message
@@ -17,7 +16,7 @@ _FRAMES = 256  # of each message
 def assess(codec: Codec, seed: int, places: Places) -> list[Finding]:
     """Frames with random values, decoded one by one."""
     frame_format = codec.model.format
-    is_stuffed = frame_format.stuffing != Stuffing.NONE and not any(part.is_plain for part in frame_format.parts)
+    is_stuffed = frame_format.stuffing.hides_delimiters and not any(part.is_plain for part in frame_format.parts)
     if frame_format.delimiter is None or is_stuffed:
         return []
     sent = lost = 0

@@ -82,6 +82,8 @@ def wire_bytes(protocol: Protocol, sender: End, payload: int) -> int:
         size *= 2
     elif frame_format.stuffing == Stuffing.HEX_AFTER_DIGIT:
         size = 2 * size - 1
+    elif frame_format.stuffing == Stuffing.DECIMAL_CHECK:
+        size += frame_format.overhead(size)
     if frame_format.ends_by_silence:
         size += math.ceil(protocol.pause_seconds * protocol.link.baud / protocol.link.bits_per_byte)
     return size + len(frame_format.opening or b"") + len(frame_format.delimiter or b"")
@@ -96,7 +98,7 @@ def open_protocol(protocol: Protocol, sender: End, payload: int) -> Protocol | N
     frame_format = protocol.format
     part = frame_format.part(PartKind.PAYLOAD)
     assert part is not None, "every frame has a payload part"
-    unstuffed = frame_format.delimiter is not None and frame_format.stuffing == Stuffing.NONE
+    unstuffed = frame_format.delimiter is not None and not frame_format.stuffing.hides_delimiters
     if part.payload == PayloadRule.BY_ID or unstuffed or any(p.seeded for p in frame_format.parts):
         return None
     if part.payload == PayloadRule.FIXED:

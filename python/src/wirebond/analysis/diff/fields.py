@@ -207,8 +207,10 @@ def _other_type(a: Field, b: Field, where: Where) -> Change:
 
 def _misread(sent: Field, read: Field, sides: Sides) -> Effect:
     """Of another type: only whole numbers of one size can agree, as far as both types reach."""
+    if sent.digits is not None and sent.digits == read.digits:
+        return _misspelled(sent, read, sides)
     whole = (FieldKind.UNSIGNED, FieldKind.SIGNED)
-    same_bytes = (sent.size, sent.bits, sent.packed) == (read.size, read.bits, read.packed)
+    same_bytes = (sent.size, sent.bits, sent.packed, sent.digits) == (read.size, read.bits, read.packed, read.digits)
     same_order = sent.order == read.order or sent.size <= 1
     if not (sent.kind in whole and read.kind in whole and same_bytes and same_order):
         moved = _bytes([sent]) != _bytes([read])
@@ -220,6 +222,15 @@ def _misread(sent: Field, read: Field, sides: Sides) -> Effect:
     if least <= low and high <= greatest:
         return Effect(sides.flow, False, "every value in its range is read as it was sent")
     return Effect(sides.flow, True, f"numbers outside {least} to {greatest} on the wire are read as others")
+
+
+def _misspelled(sent: Field, read: Field, sides: Sides) -> Effect:
+    """Of digits that mean the same number, as far as the reader's type reaches."""
+    least, greatest = read.whole_limits
+    low, high = _sent_numbers(sent)
+    if least <= low and high <= greatest:
+        return Effect(sides.flow, False, "every value in its range is read as it was sent")
+    return Effect(sides.flow, True, f"numbers outside {least} to {greatest} on the wire are refused")
 
 
 def _sent_numbers(field: Field) -> tuple[int, int]:
@@ -236,9 +247,9 @@ def _sent_numbers(field: Field) -> tuple[int, int]:
 def _amount_changes(a: Field, b: Field, old: Fields, new: Fields, where: Where) -> Iterator[Change]:
     """How many elements or bytes there are, and what tells it."""
     if (a.count or 1, a.size) != (b.count or 1, b.size) and not (a.is_list or b.is_list):
-        if a.is_string and (a.size == 0) != (b.size == 0):
+        if a.is_characters and (a.size == 0) != (b.size == 0):
             yield _other_amount(where, "always as many bytes" if b.size else "a varying number of bytes")
-        elif a.is_string:
+        elif a.is_characters:
             yield _resized(where, f"{_bytes_text(a.size)} became {_bytes_text(b.size)}")
         else:
             yield _resized(where, f"{a.count or 1} elements became {b.count or 1}")

@@ -35,7 +35,7 @@ class _Walk:
     def read(self, fields: tuple[Field, ...], path: str) -> None:
         numbers: dict[str, int] = {}
         for one in fields:
-            if one.is_list or (one.is_string and one.size == 0):
+            if one.is_list or (one.is_characters and one.size == 0):
                 unit = 1 if one.is_string else one.element_min_bytes
                 for name, step in one.counters[:1]:  # what reaches to the end is the last, and has none
                     number = numbers[name]

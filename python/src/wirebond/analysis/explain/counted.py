@@ -44,7 +44,7 @@ class _Walk:
         most = 0
         numbers: dict[str, int] = {}
         for one in fields:
-            if one.is_list or (one.is_string and one.size == 0):
+            if one.is_list or (one.is_characters and one.size == 0):
                 most += self._varying(one, numbers, path)
             elif one.kind == FieldKind.STRUCT:
                 for index in range(one.count or 1):

@@ -90,6 +90,8 @@ def same_check(part: Part, expected: bytes, found: bytes) -> bool:
 
 
 def shown_check(part: Part, value: bytes) -> str:
+    if part.as_decimal:
+        return str(int.from_bytes(value, "big"))
     return value.decode("ascii", errors="replace") if part.as_hex else hex_of(value)
 
 

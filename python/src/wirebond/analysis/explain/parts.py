@@ -95,7 +95,7 @@ def check_text(parts: tuple[Part, ...], part: Part) -> str:
         name += " high byte" if part.shift else " low byte"
     text = f"{name} over {range_text(parts, part.first, part.last)}"
     text += " and the message's seed" if part.seeded else ""
-    return f"{text}, in hex digits" if part.as_hex else text
+    return f"{text}, in hex digits" if part.as_hex else f"{text}, in decimal digits" if part.as_decimal else text
 
 
 def _constant(what: str) -> Callable[[Context], str]:

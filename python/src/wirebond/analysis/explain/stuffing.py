@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import takewhile
 
-from wirebond.protocol.model import Escapes, FrameFormat, Stuffing
+from wirebond.protocol.model import Escapes, FrameFormat, Stuffing, decimal_digits
 
 
 @dataclass(frozen=True)
@@ -191,6 +191,25 @@ def _insert(frame_format: FrameFormat, data: bytes) -> bytes:
     return data.replace(rule.after, rule.after + bytes([rule.byte]))
 
 
+def _undecimal(frame_format: FrameFormat, block: bytes) -> Unstuffed | Impossible:
+    size = frame_format.decimal_bytes
+    digits = sum(1 for _ in takewhile(lambda byte: byte in b"0123456789", reversed(block)))
+    digits = min(digits, decimal_digits(size))
+    begin = len(block) - digits
+    if not digits:
+        return Impossible(begin, "the decimal digits of the check are missing")
+    number = int(block[begin:])
+    if number >> 8 * size:
+        return Impossible(begin, f"{number} is no check of {8 * size} bits")
+    places = [(at, at + 1) for at in range(begin)] + [(begin, len(block))] * size
+    return Unstuffed(block, block[:begin] + number.to_bytes(size, "big"), tuple(places), ())
+
+
+def _decimal(frame_format: FrameFormat, data: bytes) -> bytes:
+    stop = len(data) - frame_format.decimal_bytes
+    return data[:stop] + str(int.from_bytes(data[stop:], "big")).encode()
+
+
 _Entry = tuple[Callable[[FrameFormat, bytes], Unstuffed | Impossible], Callable[[FrameFormat, bytes], bytes]]
 
 # One entry for each stuffing in the model: undo, do.
@@ -201,6 +220,7 @@ _STUFFINGS: dict[Stuffing, _Entry] = {
     Stuffing.HEX: (_unhex, _hex),
     Stuffing.HEX_AFTER_DIGIT: (_unhex, _hex),
     Stuffing.INSERTION: (_uninsert, _insert),
+    Stuffing.DECIMAL_CHECK: (_undecimal, _decimal),
 }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import struct
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -12,8 +13,9 @@ from typing import Any
 from wirebond.analysis.explain.constants import constant_text
 from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.meaning.field_values import number_text
-from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind, Message
+from wirebond.protocol.model import BitOrder, ByteOrder, Digits, Field, FieldKind, Message
 from wirebond.protocol.payload_rules import bit_places, bits_of, bits_text
+from wirebond.protocol.spelling import field_type
 from wirebond.visible import visible
 
 
@@ -121,6 +123,8 @@ class _Walk:
     def _read(self, field: Field, promised: int | None) -> Reading:
         if field.kind not in _READERS:
             raise NotImplementedError(f"values.py has no entry for the field type '{field.kind}'")
+        if field.digits is not None:
+            return _in_characters(self, field, field.digits)
         return _READERS[field.kind](self, field, promised)
 
     def number_of_elements(self, field: Field, promised: int | None) -> int:
@@ -188,6 +192,40 @@ def _bytes(walk: _Walk, field: Field, promised: int | None) -> Reading:
     start, (data, faults) = walk.at, _string(walk, field, promised)
     value = _without_end(data, field)
     return Reading(field, field.name, start, data, value, f"{len(value)} byte{'s' * (len(value) != 1)}", faults)
+
+
+def _in_characters(walk: _Walk, field: Field, digits: Digits) -> Reading:
+    start, (data, faults) = walk.at, _string(walk, field, None)
+    spelled = _without_end(data, field).decode("latin-1")
+    wire = None if faults else _spelled_number(field, digits, spelled)
+    if wire is None:
+        faults = faults or (f' is "{visible(spelled)}", which is no {field_type(field)}',)
+        return Reading(field, field.name, start, data, None, f'"{visible(spelled)}"', faults)
+    value, text, fault = _whole(field, wire)
+    return Reading(field, field.name, start, data, value, text, (fault,) if fault else ())
+
+
+def _spelled_number(field: Field, digits: Digits, spelled: str) -> int | None:
+    """The whole number that these characters spell; None where they spell none that the field's type holds. What stands
+    behind the last decimal is rounded, halves away from zero."""
+    if digits.base == 16:
+        found = re.fullmatch(r" *\+?([0-9A-Fa-f]+)", spelled)
+        number = int(found[1], 16) if found else None
+    else:
+        found = re.fullmatch(r" *([+-]?)([0-9]*)(?:\.([0-9]*))?", spelled)
+        number = _decimal_number(found[1], found[2], found[3], digits.decimals) if found else None
+        if found is not None and found[1] == "-" and field.kind != FieldKind.SIGNED:
+            return None
+    least, greatest = replace(field, digits=None).whole_limits
+    return number if number is not None and least <= number <= greatest else None
+
+
+def _decimal_number(sign: str, whole: str, behind: str | None, decimals: int) -> int | None:
+    if not (whole or behind) or (behind is not None and decimals == 0):
+        return None
+    places = (behind or "").ljust(decimals + 1, "0")
+    amount = int((whole or "0") + places[:decimals]) + (decimals > 0 and places[decimals] >= "5")
+    return -amount if sign == "-" else amount
 
 
 def _string(walk: _Walk, field: Field, promised: int | None) -> tuple[bytes, tuple[str, ...]]:

@@ -9,7 +9,7 @@ from fractions import Fraction
 
 from wirebond.generate.code.cpp_number import Scaling, integer, nearest_float, real, real_type, wire_integer
 from wirebond.generate.code.names import identifier
-from wirebond.protocol.model import NUMBERS, BitOrder, ByteOrder, Default, Field, FieldKind, OnRange
+from wirebond.protocol.model import NUMBERS, BitOrder, ByteOrder, Default, Digits, Field, FieldKind, OnRange
 
 _WHOLE_SIZES = (1, 2, 4, 8)
 
@@ -38,7 +38,7 @@ def comment_text(text: str) -> str:
 
 def is_plain(spec: Field) -> bool:
     """Is the member the wire's number itself, and fills it its bytes?"""
-    whole = spec.size in _WHOLE_SIZES and not _coding(spec)
+    whole = spec.size in _WHOLE_SIZES and not _coding(spec) and spec.digits is None
     return spec.kind in NUMBERS and not spec.enum and not spec.is_scaled and whole
 
 
@@ -280,6 +280,68 @@ def load_integer(spec: Field, slot: Slot) -> str:
         return f"wirebond::load_coded{_coded_arguments(spec, wire.type_name)}({slot.place})"
     load = "load" if wire.is_whole else "load_integer"
     return f"wirebond::{load}{_template_arguments(spec, wire.type_name)}({slot.place})"
+
+
+def _digits_arguments(digits: Digits) -> str:
+    return f"{digits.base}, {digits.decimals}"
+
+
+def write_digits(spec: Field, digits: Digits, value: str, place: str, more: bool) -> list[str]:
+    """Lines that store a number in characters, or return false where it breaks a rule; behind one of varying size
+    ``payload`` is moved on, where ``more`` follows."""
+    lines, wire = _wire_number(spec, value)
+    arguments = _digits_arguments(digits)
+    if spec.size:
+        lines.append(f"if (!wirebond::write_digits<{arguments}>({place}, {spec.size}, {wire})) return false;")
+        return ["{", *("  " + line for line in lines), "}"]
+    lines += [
+        f"const std::size_t digits = wirebond::digits_size<{arguments}>({wire});",
+        f"if (digits > {spec.max_size} || !wirebond::write_digits<{arguments}>({place}, digits, {wire})) return false;",
+    ]
+    if spec.ends_with is not None:
+        lines.append(f"*({place} + digits) = {spec.ends_with:#04x};")
+    lines += ["payload += digits;"] if more else []
+    return ["{", *("  " + line for line in lines), "}"]
+
+
+def digits_size(spec: Field, digits: Digits, value: str) -> str:
+    """An expression of the characters that a number of varying size takes."""
+    type_name = wire_integer(spec).type_name
+    if spec.enum:
+        value = f"static_cast<{type_name}>({value})"
+    elif spec.is_scaled:
+        value = f"wirebond::nearest_or_zero<{type_name}>({Scaling(spec, real_type(spec)).to_wire(value)})"
+    return f"wirebond::digits_size<{_digits_arguments(digits)}>({value})"
+
+
+def read_digits(spec: Field, digits: Digits, value: str, place: str, size: str, enum_type: str) -> list[str]:
+    """Lines that load a number from ``size`` characters, or return false where they spell none."""
+    type_name = wire_integer(spec).type_name
+    call = f"wirebond::read_digits<{type_name}, {spec.width}, {_digits_arguments(digits)}>"
+    if not spec.enum and not spec.is_scaled:
+        return [f"if (!{call}({place}, {size}, {value})) return false;"]
+    meant = f"static_cast<{enum_type}>(wire)" if spec.enum else Scaling(spec, real_type(spec)).from_wire("wire")
+    return [
+        "{",
+        f"  {type_name} wire = 0;",
+        f"  if (!{call}({place}, {size}, wire)) return false;",
+        f"  {value} = {meant};",
+        "}",
+    ]
+
+
+def _wire_number(spec: Field, value: str) -> tuple[list[str], str]:
+    """Lines that return false where an integer's value breaks a rule, and an expression of its wire number."""
+    type_name = wire_integer(spec).type_name
+    if spec.enum:
+        return [f"if (!is_known({value})) return false;"], f"static_cast<{type_name}>({value})"
+    beyond = outside(spec, value, received=False)
+    lines = [f"if ({beyond}) return false;"] if beyond else []
+    if not spec.is_scaled:
+        return lines, value
+    wire = Scaling(spec, real_type(spec)).to_wire(value)
+    lines += [f"{type_name} wire = 0;", f"if (!wirebond::nearest<sizeof wire>({wire}, wire)) return false;"]
+    return lines, "wire"
 
 
 def store_container(spec: Field, value: str, place: str) -> str:

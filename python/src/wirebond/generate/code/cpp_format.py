@@ -60,8 +60,8 @@ def format_lines(plan: Plan) -> list[str]:
         lines.append(f"format.own_forms = {plan.own_forms};")
     if plan.skips_failed:
         lines.append("format.skips_failed = true;")
-    for name, size in (("plain_front", plan.plain_front), ("plain_back", plan.plain_back)):
-        lines += [f"format.{name} = {size};"] if size else []
+    for name in ("plain_front", "plain_back", "decimal_bytes"):
+        lines += [f"format.{name} = {size};"] if (size := getattr(plan, name)) else []
     for number, algorithm in enumerate(plan.algorithms):
         lines.append(f"format.algorithms[{number}] = {_algorithm(algorithm)};  // {comment_text(algorithm.name)}")
     excluded = 0

@@ -13,6 +13,7 @@ from wirebond.generate.code import names
 from wirebond.generate.code.cpp_field import (
     Slot,
     clamp_value,
+    digits_size,
     element_type,
     enum_lines,
     flags_lines,
@@ -21,13 +22,15 @@ from wirebond.generate.code.cpp_field import (
     load_integer,
     member_comment,
     outside,
+    read_digits,
     read_value,
     store_container,
     validate_value,
+    write_digits,
     write_value,
 )
 from wirebond.generate.code.cpp_number import integer
-from wirebond.protocol.model import ByteOrder, Field, FieldKind, Protocol
+from wirebond.protocol.model import ByteOrder, Digits, Field, FieldKind, Protocol
 from wirebond.protocol.payload_rules import bit_places
 
 _LOCALS = frozenset({"message", "payload", "size", "spare", "found", "wire", "bits", "bytes", *"ijklmnopq"})
@@ -293,6 +296,8 @@ def write_lines(shape: Shape, here: _Here | None = None) -> list[str]:
             for run in (f"{spec.name}.{one.name}" for one in spec.fields if one.is_count):
                 lines += _count_lines(shape, here, run, counted)
             lines += _write_bits(member, value, place, counted)
+        elif spec.digits is not None:
+            lines += write_digits(spec, spec.digits, value, place, more)
         elif spec.is_string:
             lines += _write_string(spec, value, place, more)
         elif spec.is_list:
@@ -404,7 +409,9 @@ def size_lines(shape: Shape, here: _Here | None = None) -> list[str]:
         spec, value = member.spec, f"{here.value}.{member.name}"
         if not spec.is_variable:
             continue
-        if spec.is_string:
+        if spec.digits is not None:
+            lines.append(f"bytes += {digits_size(spec, spec.digits, value)};")
+        elif spec.is_string:
             lines.append(f"bytes += {value}.size;")
         if spec.is_list:
             lines.append(f"bytes += {_times(spec, f'{value}.used()')};")
@@ -473,6 +480,8 @@ class Reader:
                     if run.is_count:
                         lines.append(self._tell(f"{spec.name}.{run.name}", run, Slot(number, shift=shift), told))
                 lines += self._bits(member, value, number)
+            elif spec.digits is not None:
+                lines += self._digits(spec, spec.digits, value, place, member.type_name, more)
             elif spec.is_string:
                 lines += self._string(spec, value, place, told, more)
             elif spec.is_list:
@@ -509,25 +518,35 @@ class Reader:
     def _string(self, spec: Field, value: str, place: str, told: Mapping[str, _Told], more: bool) -> list[str]:
         if not spec.is_variable:
             return [f"std::memcpy({value}.data(), {place}, {spec.size});"]
-        size = self._locals.claim(f"{names.code_name(spec.name)}_size", "_")
-        if spec.counters:
-            lines = [*_told_lines(spec, size, told), f"if ({size} > spare) return false;"]
-        elif spec.ends_with is not None:
-            most = f"spare < {spec.max_size} ? spare : {spec.max_size}"
-            lines = [
-                f"const std::size_t {size} = wirebond::size_before({place}, {most}, {spec.ends_with:#04x});",
-                f"if ({size} > ({most})) return false;",
-            ]
-        else:
-            lines = [f"std::size_t {size} = spare;", f"if ({size} > {spec.max_size}) {size} = {spec.max_size};"]
-            if self._trims_zeros and spec.kind == FieldKind.TEXT:  # zeros that pad a payload of fixed size are not text
-                last = f"payload[{place.removeprefix('payload + ')} + {size} - 1]"
-                lines.append(f"while ({size} != 0 && {last} == 0) --{size};")
+        size, lines = self._size(spec, place, told)
+        if spec.ends_with is None and not spec.counters and self._trims_zeros and spec.kind == FieldKind.TEXT:
+            last = f"payload[{place.removeprefix('payload + ')} + {size} - 1]"
+            lines.append(f"while ({size} != 0 && {last} == 0) --{size};")  # zeros that pad a payload are not text
         lines += [
             f"{value}.size = static_cast<std::uint16_t>({size});",
             f"std::memcpy({value}.data.data(), {place}, {size});",
         ]
         return [*lines, f"payload += {size};", f"spare -= {size};"] if more else lines
+
+    def _digits(self, spec: Field, digits: Digits, value: str, place: str, type_name: str, more: bool) -> list[str]:
+        if spec.size:
+            return read_digits(spec, digits, value, place, str(spec.size), type_name)
+        size, lines = self._size(spec, place, {})
+        lines += read_digits(spec, digits, value, place, size, type_name)
+        return [*lines, f"payload += {size};", f"spare -= {size};"] if more else lines
+
+    def _size(self, spec: Field, place: str, told: Mapping[str, _Told]) -> tuple[str, list[str]]:
+        """The variable with the bytes of what varies in size, and the lines that declare it."""
+        size = self._locals.claim(f"{names.code_name(spec.name)}_size", "_")
+        if spec.counters:
+            return size, [*_told_lines(spec, size, told), f"if ({size} > spare) return false;"]
+        if spec.ends_with is not None:
+            most = f"spare < {spec.max_size} ? spare : {spec.max_size}"
+            return size, [
+                f"const std::size_t {size} = wirebond::size_before({place}, {most}, {spec.ends_with:#04x});",
+                f"if ({size} > ({most})) return false;",
+            ]
+        return size, [f"std::size_t {size} = spare;", f"if ({size} > {spec.max_size}) {size} = {spec.max_size};"]
 
     def _list(self, member: Member, here: _Here, at: int, told: Mapping[str, _Told], more: bool) -> list[str]:
         spec, value, index = member.spec, f"{here.value}.{member.name}", here.index

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import takewhile
 
 from wirebond.analysis.explain.layout import hex_of
-from wirebond.protocol.model import FrameFormat, Part, PartKind, PayloadRule, Stuffing
+from wirebond.protocol.model import FrameFormat, Part, PartKind, PayloadRule, Stuffing, decimal_digits
 
 _STUFFINGS = {
     Stuffing.COBS: "COBS",
@@ -37,7 +37,7 @@ def diagram(frame_format: FrameFormat, longest_payload: int) -> list[str]:
 
 def _around(frame_format: FrameFormat) -> str:
     inside = "these parts"
-    if frame_format.stuffing != Stuffing.NONE:
+    if frame_format.stuffing.hides_delimiters:
         stuffed = [part.name for part in frame_format.parts if not part.is_plain]
         groups = [
             [p.name for p in takewhile(lambda p: p.is_plain, parts)]
@@ -69,4 +69,6 @@ def _column(part: Part, longest_payload: int) -> tuple[str, str, str]:
         content = hex_of(bytes(min(part.size, 4))) + (" .." if part.size > 4 else "")
     if part.kind == PartKind.CHECK and part.algorithm is not None:
         content = part.algorithm.name
+    if part.as_decimal:
+        return name, content, f"1..{decimal_digits(part.size)} digits"
     return name, content, f"{part.size} byte{'s' * (part.size != 1)}"

@@ -26,6 +26,7 @@ from wirebond.protocol.model import (
     PayloadRule,
     Protocol,
     Stuffing,
+    decimal_digits,
 )
 from wirebond.protocol.spelling import condition_text, field_type, number_type, sequence_text
 
@@ -62,6 +63,8 @@ def _rows(protocol: Protocol) -> list[tuple[str, ...]]:
     for index, ((start, stop), part) in enumerate(zip(spans(parts, size or 0), parts, strict=True)):
         offset = str(start) if index <= payload or size is not None else f"{start} + payload"
         shown = str(stop - start) if index != payload or size is not None else f"0 to {protocol.format.max_payload}"
+        if part.as_decimal:
+            shown = f"1 to {decimal_digits(part.size)}"
         there_if = "" if part.condition is None else f"`{condition_text(part.condition)}`"
         content = _content(protocol, index)
         rows.append((part.name, offset if firm else "", shown, _type(part), content, there_if))
@@ -70,7 +73,7 @@ def _rows(protocol: Protocol) -> list[tuple[str, ...]]:
 
 
 def _type(part: Part) -> str:
-    if part.kind not in _NUMBERS or part.as_hex:
+    if part.kind not in _NUMBERS or part.as_hex or part.as_decimal:
         return ""
     order = "" if part.size == 1 else ", big-endian" if part.order == ByteOrder.BIG else ", little-endian"
     word = number_type("u", part.size, ByteOrder.LITTLE)
@@ -324,6 +327,9 @@ def checks_chapter(protocol: Protocol) -> list[str]:
             lines += [f"Of this value {part.name} carries the {byte} byte alone.", ""]
         if part.as_hex:
             lines += [f"{part.name} is sent as {part.size} hex digits, the highest first; either case is accepted.", ""]
+        if part.as_decimal:
+            digits = f"decimal digits, 1 to {decimal_digits(part.size)} of them, without leading zeros"
+            lines += [f"{part.name} is sent as {digits}; a receiver takes these, too.", ""]
         if part.seeded:
             lines += [
                 f"For {part.name} one byte more is counted behind the range, and not sent: the message's seed.",

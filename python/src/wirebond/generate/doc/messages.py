@@ -85,6 +85,8 @@ def _message(codec: Codec, message: Message) -> list[str]:
     if message.log is not None:
         lines += [f"The host shows it as: {_literal(message.log)}", ""]
     lines += _fields(codec.model, message)
+    if any(field.digits is not None for field in _all(message.fields)):
+        lines += [_DIGITS, ""]
     named: list[list[str]] = []
     for field in _all(message.fields):
         names = names_of(field)
@@ -92,6 +94,12 @@ def _message(codec: Codec, message: Message) -> list[str]:
             named.append(names)
             lines += names
     return lines + examples_of(codec, message)
+
+
+_DIGITS = (
+    "A number in digits begins with `-` if it is negative, and with zeros where its size is fixed. A receiver also "
+    "takes blanks, zeros or `+` in front, hex digits of either case, and fewer or more decimals, which it rounds."
+)
 
 
 def _fields(protocol: Protocol, message: Message) -> list[str]:
@@ -151,7 +159,7 @@ def _type(field: Field) -> str:
         return f"{field.count} of {word}"
     if field.is_list:
         return f"up to {field.max_count} of {word}, {_how_many(field)}"
-    return f"{word}, {_how_many(field)}" if field.is_string and field.size == 0 else word
+    return f"{word}, {_how_many(field)}" if field.is_characters and field.size == 0 else word
 
 
 def _how_many(field: Field) -> str:

@@ -97,7 +97,9 @@ class Counting:
         field = self._found(name, place)
         if field is None:
             return False
-        is_plain = field.kind == FieldKind.UNSIGNED and field.count is None and not field.is_list
+        is_plain = (
+            field.kind == FieldKind.UNSIGNED and field.digits is None and field.count is None and not field.is_list
+        )
         if (
             not is_plain
             or field.is_scaled

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from wirebond.protocol.model import Field, FieldKind, FrameFormat, Message, Stuffing
+from wirebond.protocol.model import Field, FieldKind, FrameFormat, Message
 
 
 def with_excluded(messages: tuple[Message, ...], frame_format: FrameFormat) -> tuple[Message, ...]:
@@ -12,7 +12,7 @@ def with_excluded(messages: tuple[Message, ...], frame_format: FrameFormat) -> t
 
     Numbers may hold such bytes by chance; ``check`` says how many frames that costs.
     """
-    if frame_format.delimiter is None or frame_format.stuffing != Stuffing.NONE:
+    if frame_format.delimiter is None or frame_format.stuffing.hides_delimiters:
         return messages
     marks = tuple(dict.fromkeys(mark for mark in (frame_format.delimiter, frame_format.opening) if mark))
     return tuple(replace(message, fields=_excluding(message.fields, marks)) for message in messages)

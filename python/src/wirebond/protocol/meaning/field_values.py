@@ -22,15 +22,11 @@ _Fitted = tuple[Default | None, str]
 
 def wire_limits(field: Field) -> tuple[Fraction, Fraction]:
     """Least and greatest number on the wire."""
-    if field.kind == FieldKind.UNSIGNED:
-        return Fraction(0), Fraction(2**field.width - 1)
-    if field.kind == FieldKind.SIGNED:
-        half = 2 ** (field.width - 1)
-        return Fraction(1 - half if field.sign_magnitude else -half), Fraction(half - 1)
-    if field.kind == FieldKind.BCD:
-        return Fraction(0), Fraction(field.bcd_end - 1)
-    greatest = F32_MAX if field.size == 4 else F64_MAX
-    return -greatest, greatest
+    if field.kind in INTEGERS:
+        least, greatest = field.whole_limits
+        return Fraction(least), Fraction(greatest)
+    most = F32_MAX if field.size == 4 else F64_MAX
+    return -most, most
 
 
 def value_limits(field: Field) -> tuple[Fraction, Fraction]:

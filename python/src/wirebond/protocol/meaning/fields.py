@@ -20,7 +20,7 @@ from wirebond.protocol.meaning.field_values import (
     value_limits,
     wire_limits,
 )
-from wirebond.protocol.model import INTEGERS, NUMBERS, BitOrder, ByteOrder, End, Field, FieldKind, OnRange
+from wirebond.protocol.model import INTEGERS, NUMBERS, BitOrder, ByteOrder, Digits, End, Field, FieldKind, OnRange
 from wirebond.protocol.problems import Place, Problems
 from wirebond.protocol.stamps import stamp_fault
 from wirebond.protocol.text.field_grammar import (
@@ -41,6 +41,11 @@ _MOST_EXACT_STEPS = 2**51
 _MOST_STEPS = 2**48
 
 MAX_CONSTANT = 64  # bytes of the constants of one message
+
+# Of numbers in characters: a double has every whole number of so many bits, with room for what a scale needs.
+_MOST_BITS = 48
+_MOST_CHARACTERS = 32  # more than any of them has
+_NUMBER_CHARACTERS = {10: b"0123456789+-.", 16: b"0123456789abcdefABCDEF+"}
 
 _STRINGS = (FieldKind.TEXT, FieldKind.BYTES)
 
@@ -63,7 +68,16 @@ _OPTIONS: tuple[tuple[str, tuple[FieldKind, ...], str], ...] = (
         "whole numbers, bool, text and bytes; for padding write `must_be_zero: true`",
     ),
     ("must_be_zero", (FieldKind.PADDING,), "padding; for a number write `constant: 0`"),
+    (
+        "text",
+        (FieldKind.UNSIGNED, FieldKind.SIGNED),
+        "whole numbers, such as u16 and i32; for one with a point write i32 and `decimals: 2`",
+    ),
 )
+# Those that a number in characters has, as a string has.
+_OF_CHARACTERS = ("size", "ends_with")
+# And what it cannot have, too.
+_NOT_IN_CHARACTERS = ("count", "packed", "clock", "constant")
 # What a field that has one value only cannot have, too.
 _NOT_CONSTANT = (
     "count", "packed", "max", "ends_with", "scale", "offset", "unit", "range", "on_range", "default", "enum", "flags",
@@ -153,7 +167,8 @@ class ValueReader:
     def _validate_options(self) -> None:
         syntax, kind = self._syntax, self._type.kind
         for option, kinds, whose in _OPTIONS:
-            if getattr(syntax, option, None) is not None and kind not in kinds:
+            is_allowed = kind in kinds or (option in _OF_CHARACTERS and getattr(syntax, "text", None) is not None)
+            if getattr(syntax, option, None) is not None and not is_allowed:
                 self._wrong(self._node.key_place(option), f"`{option}` is for {whose}")
         for one, other in (("enum", "flags"), ("enum", "range"), ("flags", "range")):
             if getattr(syntax, one) is not None and getattr(syntax, other) is not None:
@@ -336,6 +351,12 @@ class _PlainReader(ValueReader):
     def read(self, name: str, syntax: PlainSyntax, order: ByteOrder, earlier: dict[str, Field]) -> Field | None:
         kind = self._type.kind
         self._validate_options()
+        if syntax.text is not None and self._good:
+            return self._in_characters(name, syntax, syntax.text)
+        if syntax.decimals is not None:
+            self._wrong(
+                self._node.key_place("decimals"), "`decimals` is for numbers in characters; add `text: decimal`"
+            )
         self._validate_size(syntax)
         self._validate_packed(syntax)
         count = self._amount("count", syntax.count, syntax.max, earlier)
@@ -363,6 +384,65 @@ class _PlainReader(ValueReader):
             self._wrong(self._node.key_place("clock"), fault)
             return None
         return self._constant(field) if is_constant else self._validated(field)
+
+    def _in_characters(self, name: str, syntax: PlainSyntax, notation: str) -> Field | None:
+        """A number whose digits are sent. A string in every question of place, and a number in every other one."""
+        digits = Digits(16 if notation == "hex" else 10, syntax.decimals or 0)
+        self._validate_characters(syntax, digits)
+        if not self._good:
+            return None
+        common = self._common(name)
+        field = Field(
+            **{**common, "scale": common["scale"] / 10**digits.decimals},
+            size=syntax.size if isinstance(syntax.size, int) else 0,
+            bits=self._type.width,
+            digits=digits,
+        )
+        longest = max(len(digits.text(number)) for number in replace(field, max_size=_MOST_CHARACTERS).whole_limits)
+        field = replace(
+            field,
+            max_size=0 if field.size else syntax.max or longest,
+            ends_with=None if syntax.ends_with is None else syntax.ends_with[0],
+        )
+        return self._validated(field)
+
+    def _validate_characters(self, syntax: PlainSyntax, digits: Digits) -> None:
+        node, wire_type = self._node, self._type
+        for option in _NOT_IN_CHARACTERS:
+            if getattr(syntax, option) is not None:
+                self._wrong(node.key_place(option), f"`{option}` cannot stand beside `text`; remove one of the two")
+        if wire_type.order is not None or wire_type.sign_magnitude or wire_type.bits or wire_type.width > _MOST_BITS:
+            sign = "i" if wire_type.kind == FieldKind.SIGNED else "u"
+            width = min(-(-wire_type.width // 8) * 8, _MOST_BITS)
+            self._wrong(
+                node.value_place("type"),
+                f"{wire_type.word} says how bits lie, or has more than {_MOST_BITS}, and only digits are sent here; "
+                f"write `{sign}{width}`",
+            )
+        if digits.base == 16 and wire_type.kind == FieldKind.SIGNED:
+            self._wrong(node.value_place("type"), f"hex digits have no sign; write `u{wire_type.width}`")
+        if digits.base == 16 and digits.decimals:
+            self._wrong(node.key_place("decimals"), "hex digits have no point; remove it, or write `text: decimal`")
+        least = len(digits.text(0))
+        for option in ("size", "max"):
+            number = getattr(syntax, option)
+            if option == "size" and isinstance(number, str | CountSyntax):
+                self._wrong(
+                    node.value_place(option), "no field counts the characters of a number; write how many it has"
+                )
+            elif number is not None and number < least:
+                self._wrong(
+                    node.value_place(option), f"{digits.text(0)} has {least} characters; write at least {least}"
+                )
+        if syntax.size is not None:
+            for option in ("max", "ends_with"):
+                if getattr(syntax, option) is not None:
+                    self._wrong(node.key_place(option), f"`{option}` cannot stand beside `size`; keep one of the two")
+        if syntax.ends_with is not None and syntax.ends_with[0] in _NUMBER_CHARACTERS[digits.base]:
+            self._wrong(
+                node.value_place("ends_with"),
+                "this byte can be part of a number; take another one, such as 0x2C for a comma",
+            )
 
     def _validate_size(self, syntax: PlainSyntax) -> None:
         kind, node = self._type.kind, self._node

@@ -59,6 +59,7 @@ from wirebond.protocol.text.yaml_tree import Mapping, Node, Sequence
 
 _ONCE = (PartKind.MAGIC, PartKind.TAIL, PartKind.LENGTH, PartKind.ID, PartKind.PAYLOAD)
 MOST_ID_BITS = 32  # of an id or a length
+MOST_DECIMAL_BYTES = 4  # of a check in decimal digits
 _FIXED_BYTES = (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL)
 
 
@@ -112,6 +113,7 @@ class _FrameReader:
         for index, (syntax, node) in enumerate(inner):
             if isinstance(syntax, CheckPart):
                 parts[index] = self._lower_check(index, parts, names, syntax.check, node)
+        envelope = self._with_decimal_check(parts, nodes, envelope)
         self._mark_checks_on_wire(parts, nodes, envelope)
         self._validate_order_of_checks(parts, nodes)
         parts = [replace(part, name=name) for part, name in zip(parts, _unique(names), strict=True)]
@@ -243,7 +245,7 @@ class _FrameReader:
         order = ByteOrder(check.byte_order) if check.byte_order else self._order
         algorithm = algorithm_of(check, where, order, self._wrong)
         size, shift = (algorithm.width + 7) // 8, 0
-        as_hex = check.text is not None
+        as_hex, as_decimal = check.text == "hex", check.text == "decimal"
         if check.byte is not None:
             shift = algorithm.width - 8 if check.byte == "high" else 0
             if size == 1:
@@ -262,14 +264,41 @@ class _FrameReader:
         return replace(
             part,
             size=2 * size if as_hex else size,
-            order=order,
+            order=ByteOrder.BIG if as_decimal else order,
             as_hex=as_hex,
+            as_decimal=as_decimal,
             seeded=check.seed is not None,
             algorithm=algorithm,
             first=first,
             last=last,
             shift=shift,
         )
+
+    def _with_decimal_check(self, parts: list[Part], nodes: list[Mapping], envelope: Envelope) -> Envelope:
+        """A check in decimal digits has no fixed size: it lies between a constant and the delimiter."""
+        index = next((index for index, part in enumerate(parts) if part.as_decimal), None)
+        if index is None:
+            return envelope
+        place = nodes[index].value_place("check")
+        before = parts[index - 1]
+        digits = b"0123456789"
+        if envelope.delimiter is None or envelope.stuffing != Stuffing.NONE or envelope.delimiter[0] in digits:
+            self._wrong(
+                place,
+                "a check in decimal digits is as long as its number, so that its frame is not stuffed and ends with a "
+                "delimiter that is no digit; write `- delimiter: 0x0A` last, or `text: hex`",
+            )
+        elif index != len(parts) - 1 or parts[index].condition is not None:
+            self._wrong(place, "a check in decimal digits is the last part of every frame; move it there")
+        elif before.kind != PartKind.CONSTANT or before.condition is not None or before.value[-1] in digits:
+            self._wrong(
+                place,
+                "the digits of the check begin behind a constant that is no digit itself; put one before it, such as "
+                "`- constant: 0x2A` for *",
+            )
+        elif parts[index].size > MOST_DECIMAL_BYTES:
+            self._wrong(place, f"a check in decimal digits has at most {8 * MOST_DECIMAL_BYTES} bits; take another one")
+        return replace(envelope, stuffing=Stuffing.DECIMAL_CHECK)
 
     def _mark_checks_on_wire(self, parts: list[Part], nodes: list[Mapping], envelope: Envelope) -> None:
         """A check beside the stuffed parts is taken after stuffing, where it covers them, a length that counts their
@@ -514,7 +543,7 @@ class _FrameReader:
         envelope = draft.envelope
         marks = [mark for mark in (envelope.opening, envelope.delimiter) if mark is not None]
         for part, place in zip(draft.parts, draft.places, strict=True):
-            if envelope.stuffing != Stuffing.NONE and not part.is_plain:
+            if envelope.stuffing.hides_delimiters and not part.is_plain:
                 continue
             held = next((mark for mark in marks if mark in part.value), None)
             if held is not None:

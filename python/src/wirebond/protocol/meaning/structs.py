@@ -202,7 +202,13 @@ def _validate_ends(node: Mapping, found: dict[str, Field], problems: Problems) -
         if not one.reaches_end or name == last:
             continue
         assert isinstance(entry.value, Mapping)
-        if one.is_string:
+        if one.digits is not None:
+            problems.add(
+                entry.key_place,
+                f"`{name}` reaches to the payload's end, so it must be the last; move it, or say how many characters "
+                "it has (`size: 6`), or what stands behind it (`ends_with: 0x2C`)",
+            )
+        elif one.is_string:
             problems.add(
                 entry.value.key_place("max"),
                 "a field with `max` reaches to the payload's end, so it must be the last; move it, or write `size`",

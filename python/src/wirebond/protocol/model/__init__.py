@@ -9,6 +9,7 @@ from wirebond.protocol.model.fields import (
     BitOrder,
     ByteOrder,
     Default,
+    Digits,
     End,
     Field,
     FieldKind,
@@ -36,6 +37,7 @@ from wirebond.protocol.model.frames import (
     Stuffing,
     Subject,
     cobs_overhead,
+    decimal_digits,
 )
 from wirebond.protocol.model.messages import LogLevel, Match, MatchOf, Message, PayloadPlace, Queue
 from wirebond.protocol.model.protocol import (
@@ -72,6 +74,7 @@ __all__ = [
     "Condition",
     "Deadline",
     "Default",
+    "Digits",
     "End",
     "Escapes",
     "Example",
@@ -106,4 +109,5 @@ __all__ = [
     "Stuffing",
     "Subject",
     "cobs_overhead",
+    "decimal_digits",
 ]

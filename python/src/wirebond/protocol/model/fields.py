@@ -45,6 +45,26 @@ INTEGERS = (FieldKind.UNSIGNED, FieldKind.SIGNED, FieldKind.BCD)
 NUMBERS = (*INTEGERS, FieldKind.FLOAT)
 
 
+@dataclass(frozen=True)
+class Digits:
+    """How a whole number is sent in characters: decimal digits with a point before the last ``decimals``, or hex
+    digits. A negative one begins with `-`."""
+
+    base: int = 10
+    decimals: int = 0
+
+    def text(self, number: int, size: int = 0) -> str:
+        """The characters of a number, with zeros in front up to ``size`` characters."""
+        digits = f"{abs(number):X}" if self.base == 16 else str(abs(number))
+        sign, point = "-" * (number < 0), "." * (self.decimals > 0)
+        digits = digits.rjust(max(self.decimals + 1, size - len(sign) - len(point)), "0")
+        return sign + (f"{digits[: -self.decimals]}.{digits[-self.decimals :]}" if self.decimals else digits)
+
+    def greatest(self, size: int, *, signed: bool) -> int:
+        """The greatest number of ``size`` characters, one of which is a sign if it has one."""
+        return int(self.base ** max(0, size - (self.decimals > 0) - signed) - 1)
+
+
 class OnRange(StrEnum):
     """What the handler's side does with a received value outside its range."""
 
@@ -64,7 +84,7 @@ class Field:
     How often it occurs: ``count`` elements always; or up to ``max_count`` elements, as many as ``counters`` (fields
     before it, beside it) say, or as the payload has where there are none; or once, where both are unset. A text or byte
     string has ``size`` bytes always, or up to ``max_size`` in the same two ways, or up to the byte ``ends_with``, which
-    follows it on the wire and is not in it.
+    follows it on the wire and is not in it. So has a number with ``digits``, whose ``bits`` say how large it can be.
     """
 
     name: str
@@ -101,6 +121,7 @@ class Field:
     type_name: str = ""  # of kind STRUCT: the type of the file that it is; empty for one of its own
     clock: End | None = None  # it is a time of this end's clock: when the values of its message were measured
     constant: int | None = None  # of kind PADDING: the number that its ``width`` bits must be; None: any
+    digits: Digits | None = None  # of a whole number: it is sent in characters
 
     def without_ends(self, text: str) -> str:
         """The text without the bytes that no sender may write in it: its own end, and its frame's delimiters."""
@@ -175,19 +196,22 @@ class Field:
 
         A scaled value becomes a whole number as in the engine: with the same doubles, halves away from zero.
         """
-        if isinstance(value, str):
-            number = dict(self.enum)[value]
-        elif self.is_scaled:
-            numerator, addend, denominator, offset = (float(factor) for factor in self.double_factors)
-            wire = ((value - offset) * denominator - addend) / numerator
-            number = int(copysign(floor(abs(wire) + 0.5), wire))
-        else:
-            number = int(value)
+        number = self.wire_number(value)
         if self.kind == FieldKind.BCD:
             return int(str(number), 16)
         if self.sign_magnitude and number < 0:
             return 1 << (self.width - 1) | -number
         return number & ((1 << self.width) - 1)
+
+    def wire_number(self, value: float | int | str) -> int:
+        """The whole number on the wire of one integer's value. The value fits: see ``field_values``."""
+        if isinstance(value, str):
+            return dict(self.enum)[value]
+        if not self.is_scaled:
+            return int(value)
+        numerator, addend, denominator, offset = (float(factor) for factor in self.double_factors)
+        wire = ((value - offset) * denominator - addend) / numerator
+        return int(copysign(floor(abs(wire) + 0.5), wire))
 
     @property
     def bits_here(self) -> int:
@@ -197,6 +221,26 @@ class Field:
     @property
     def is_string(self) -> bool:
         return self.kind in (FieldKind.TEXT, FieldKind.BYTES)
+
+    @property
+    def is_characters(self) -> bool:
+        """Is it a string on the wire: a text, a byte string, or a number in characters?"""
+        return self.is_string or self.digits is not None
+
+    @property
+    def whole_limits(self) -> tuple[int, int]:
+        """Least and greatest whole number of an integer on the wire."""
+        if self.kind == FieldKind.BCD:
+            return 0, self.bcd_end - 1
+        if self.kind == FieldKind.UNSIGNED:
+            least, greatest = 0, (1 << self.width) - 1
+        else:
+            greatest = (1 << (self.width - 1)) - 1
+            least = -greatest - (not self.sign_magnitude)
+        if self.digits is None:
+            return least, greatest
+        fits = [self.digits.greatest(self.room, signed=signed) for signed in (True, False)]
+        return max(least, -fits[0]), min(greatest, fits[1])
 
     @property
     def room(self) -> int:
@@ -211,12 +255,12 @@ class Field:
     @property
     def is_variable(self) -> bool:
         """Does its size on the wire vary?"""
-        return self.is_list or (self.is_string and self.size == 0) or any(f.is_variable for f in self.fields)
+        return self.is_list or (self.is_characters and self.size == 0) or any(f.is_variable for f in self.fields)
 
     @property
     def reaches_end(self) -> bool:
         """Is it as long as the payload is?"""
-        open_ended = self.is_list or (self.is_string and self.size == 0 and self.ends_with is None)
+        open_ended = self.is_list or (self.is_characters and self.size == 0 and self.ends_with is None)
         return (open_ended and not self.counted_by) or any(f.reaches_end for f in self.fields)
 
     @property
@@ -248,7 +292,7 @@ class Field:
 
     @property
     def max_wire_bytes(self) -> int:
-        if self.is_string and self.size == 0:
+        if self.is_characters and self.size == 0:
             return self.max_size + (self.ends_with is not None)
         if self.kind == FieldKind.STRUCT:
             return sum(f.max_wire_bytes for f in self.fields) * (self.max_count or self.count or 1)

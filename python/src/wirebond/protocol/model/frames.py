@@ -216,6 +216,7 @@ class Part:
     shift: int = 0  # check: value on the wire = check >> shift
     seeded: bool = False  # check: the message's seed is counted behind the range
     as_hex: bool = False  # check: sent as hex digits, ``size`` of them
+    as_decimal: bool = False  # check: sent as decimal digits, without leading zeros; ``size`` is that of its number
     alternatives: tuple[bytes, ...] = ()  # magic: any of these, ``value`` is the first
     by_sender: tuple[tuple[End, bytes], ...] = ()  # magic: another one for each direction
     length_unit: int = 1  # length: bytes that it counts by
@@ -225,6 +226,11 @@ class Part:
     condition: Condition | None = None
     is_plain: bool = False  # sent as it is, beside parts that are stuffed
     on_wire: bool = False  # check: over the bytes as they are sent, after stuffing
+
+
+def decimal_digits(size: int) -> int:
+    """Most decimal digits of a number of so many bytes, 4 at most."""
+    return len(str(256**size - 1))
 
 
 def cobs_overhead(size: int) -> int:
@@ -239,6 +245,12 @@ class Stuffing(StrEnum):
     HEX = "hex"  # each byte as two hex digits
     HEX_AFTER_DIGIT = "hex_after_digit"  # the same, but the first byte as one digit: it is below 16
     INSERTION = "insertion"  # a byte behind each place where a sequence stands: see ``Insertion``
+    DECIMAL_CHECK = "decimal_check"  # the check at the end in decimal digits, and all other bytes as they are
+
+    @property
+    def hides_delimiters(self) -> bool:
+        """Can no byte of what is stuffed look like a delimiter?"""
+        return self not in (Stuffing.NONE, Stuffing.DECIMAL_CHECK)
 
 
 @dataclass(frozen=True)
@@ -302,8 +314,15 @@ class FrameFormat:
             for part in self.parts
         )
 
+    @property
+    def decimal_bytes(self) -> int:
+        """Bytes of the check that is sent in decimal digits; 0 where none is."""
+        return self.parts[-1].size if self.stuffing == Stuffing.DECIMAL_CHECK else 0
+
     def overhead(self, size: int) -> int:
         """Bytes that stuffing adds to ``size`` bytes at most."""
+        if self.stuffing == Stuffing.DECIMAL_CHECK:
+            return decimal_digits(self.decimal_bytes) - self.decimal_bytes
         if self.stuffing == Stuffing.COBS:
             return cobs_overhead(size)
         if self.stuffing == Stuffing.INSERTION and self.insertion is not None:

@@ -169,21 +169,32 @@ class PlainSyntax(ValueSyntax):
     )
     size: Amount | None = Field(
         None,
-        description="Bytes of a text, byte string or padding: a number, or for strings the field before it that "
-        "tells the number.",
+        description="Bytes of a text, byte string or padding, or characters of a number: a number, or for strings the "
+        "field before it that tells the number.",
         examples=[16],
     )
     max: Count | None = Field(
         None,
-        description="Most bytes of a text or byte string, or most elements of an array, of varying size.",
+        description="Most bytes of a text or byte string, most characters of a number, or most elements of an array, "
+        "of varying size.",
         examples=[48],
     )
     ends_with: OneByte | None = Field(
         None,
-        description="Of a text or byte string of varying size: the byte behind it, which is never in it.",
+        description="Of a text, byte string or number in characters, of varying size: the byte behind it, which is "
+        "never in it.",
         examples=["0x00"],
     )
 
+    text: Annotated[str | None, one_word("decimal", "hex")] = Field(
+        None,
+        description="Of a whole number: it is sent in characters, as decimal or hex digits; `size`, `max` and "
+        "`ends_with` say how many there are.",
+        examples=["decimal"],
+    )
+    decimals: Annotated[int, PlainValidator(whole(1, 12), json_schema_input_type=int)] | None = Field(
+        None, description="Of a number in decimal digits: so many of them stand behind a point.", examples=[2]
+    )
     clock: Annotated[str | None, one_word("mcu")] = Field(
         None,
         description="The value is a time of this end's clock: when the message's values were measured. The host gives "
@@ -193,7 +204,7 @@ class PlainSyntax(ValueSyntax):
 
     @classmethod
     def known_keys(cls) -> list[str]:
-        first = ("type", "count", "packed", "size", "max", "ends_with", "clock")
+        first = ("type", "count", "packed", "size", "max", "ends_with", "text", "decimals", "clock")
         return [*first, *(key for key in cls.model_fields if key not in first), "bits", "struct", "group"]
 
     @classmethod

@@ -88,8 +88,11 @@ class Check(Syntax):
     byte_order: Annotated[str | None, one_word("little", "big")] = Field(
         None, description="Byte order of the check. Default: the file's.", examples=["big"]
     )
-    text: Annotated[str | None, one_word("hex")] = Field(
-        None, description="Sent as hex digits, two a byte, the highest first.", examples=["hex"]
+    text: Annotated[str | None, one_word("hex", "decimal")] = Field(
+        None,
+        description="Sent as hex digits, two a byte, the highest first; or in decimal digits without leading zeros, at "
+        "the frame's end.",
+        examples=["hex"],
     )
     seed: Annotated[str | None, one_word("message")] = Field(
         None,

@@ -72,7 +72,7 @@ def _room(field: Field) -> int:
     is_free = field.minimum is None and field.maximum is None and not (field.enum or field.is_count or field.is_list)
     if not is_free or field.count is not None:
         return 0
-    if field.flags:
+    if field.flags or field.digits is not None:
         return 0
     if field.kind == FieldKind.BOOL:
         return 1

@@ -203,7 +203,7 @@ def seeds(case: Case) -> Guesses:
 def _other_spelling(part: Part) -> list[Part]:
     """The same value otherwise put on the wire."""
     assert part.algorithm is not None
-    if part.as_hex:
+    if part.as_hex or part.as_decimal:
         return []
     if part.size > 1:
         order = ByteOrder.LITTLE if part.order == ByteOrder.BIG else ByteOrder.BIG
@@ -279,7 +279,8 @@ def solved(cases: Sequence[Case], *, thorough: bool) -> Solved | None:
         return None
     own = one.part.first, one.part.last
     size = one.part.size // 2 if one.part.as_hex else one.part.size
-    orders = [one.part.order] if size == 1 or one.part.as_hex else sorted(ByteOrder, key=lambda o: o != one.part.order)
+    has_one_order = size == 1 or one.part.as_hex or one.part.as_decimal
+    orders = [one.part.order] if has_one_order else sorted(ByteOrder, key=lambda o: o != one.part.order)
     ways = [(*way, False) for way in product([own, *_near(cases[index], one)], orders)]
     ways += [(own, one.part.order, True)] * thorough
     for (first, last), order, takes_seconds in ways:
@@ -309,7 +310,11 @@ def as_peers_check(case: Case) -> Guesses:
     seen = {_replaced_key(failed.part)}
     for peer in case.peers:
         for theirs in peer.format.parts:
-            if theirs.kind != PartKind.CHECK or theirs.size != failed.part.size or theirs.as_hex != failed.part.as_hex:
+            if (
+                theirs.kind != PartKind.CHECK
+                or theirs.size != failed.part.size
+                or _written(theirs) != _written(failed.part)
+            ):
                 continue
             ends = [peer.format.parts[theirs.first].name, peer.format.parts[theirs.last].name]
             if any(name not in names for name in ends):
@@ -323,6 +328,10 @@ def as_peers_check(case: Case) -> Guesses:
             guess = _replaced(case, failed, part)
             named = None if guess is None else replace(guess, what=f"{guess.what}; {peer.name} computes it so")
             yield named
+
+
+def _written(part: Part) -> tuple[bool, bool]:
+    return part.as_hex, part.as_decimal
 
 
 def _replaced_key(part: Part) -> tuple[Algorithm | None, ByteOrder, int, int, int]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from wirebond.analysis.explain.guesses.guess import Case, Guess, Guesses
 from wirebond.analysis.explain.layout import CONSTANTS
 from wirebond.analysis.explain.stuffing import stuff
-from wirebond.protocol.model import PartKind, Stuffing
+from wirebond.protocol.model import PartKind
 
 _RAW_TTY = "let the tty pass bytes as they are: `stty raw -ixon -icrnl -inlcr`, and no flow control by XON/XOFF"
 
@@ -101,7 +101,7 @@ def without_delimiters(case: Case) -> Guesses:
         before = f"{opening.hex(' ').upper()} comes before and " if opening else ""
         text = f"{before}{closing.hex(' ').upper()} behind these bytes"
         yield _changed(case, inner, text, "give the delimiters too: they are part of the frame")
-    if frame_format.stuffing != Stuffing.NONE:
+    if frame_format.stuffing.hides_delimiters:
         how = f"the sender must stuff it ({frame_format.stuffing}), and put the delimiters around it"
         for data in dict.fromkeys((case.block, inner)):
             yield _changed(case, stuff(frame_format, data), "these are the bytes before stuffing", how)
