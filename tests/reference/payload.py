@@ -167,11 +167,11 @@ class _Reader:
         mask = wanted = 0
         place = 0 if field.first == BitOrder.LOW else 8 * size
         for member in field.fields:  # bits
-            place -= member.width if field.first == BitOrder.HIGH else 0
+            place -= member.bits_here if field.first == BitOrder.HIGH else 0
             if member.constant is not None:
                 mask |= (1 << member.width) - 1 << place
                 wanted |= member.constant << place
-            place += member.width if field.first == BitOrder.LOW else 0
+            place += member.bits_here if field.first == BitOrder.LOW else 0
         for index in range(size if mask else 0):  # each byte that has such bits must be there
             bits = mask.to_bytes(size, _order(field))[index]
             if bits and (index >= len(piece) or piece[index] & bits != wanted.to_bytes(size, _order(field))[index]):
