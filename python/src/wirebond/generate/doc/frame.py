@@ -329,7 +329,7 @@ def checks_chapter(protocol: Protocol) -> list[str]:
             lines += [f"{part.name} is sent as {part.size} hex digits, the highest first; either case is accepted.", ""]
         if part.as_decimal:
             digits = f"decimal digits, 1 to {decimal_digits(part.size)} of them, without leading zeros"
-            lines += [f"{part.name} is sent as {digits}; a receiver takes these, too.", ""]
+            lines += [f"{part.name} is sent as {digits}; receivers also accept leading zeros.", ""]
         if part.seeded:
             lines += [
                 f"For {part.name} one byte more is counted behind the range, and not sent: the message's seed.",

@@ -97,8 +97,8 @@ def _message(codec: Codec, message: Message) -> list[str]:
 
 
 _DIGITS = (
-    "A number in digits begins with `-` if it is negative, and with zeros where its size is fixed. A receiver also "
-    "takes blanks, zeros or `+` in front, hex digits of either case, and fewer or more decimals, which it rounds."
+    "A negative number in digits begins with `-`; a number of fixed size has leading zeros. Receivers also accept "
+    "leading blanks, zeros or `+`, hex digits of either case, and fewer decimals, or more, which they round."
 )
 
 

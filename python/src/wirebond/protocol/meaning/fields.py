@@ -42,7 +42,7 @@ _MOST_STEPS = 2**48
 
 MAX_CONSTANT = 64  # bytes of the constants of one message
 
-# Of numbers in characters: a double has every whole number of so many bits, with room for what a scale needs.
+# Of numbers in characters: a double holds every whole number of this width, and has bits left for a scale.
 _MOST_BITS = 48
 _MOST_CHARACTERS = 32  # more than any of them has
 _NUMBER_CHARACTERS = {10: b"0123456789+-.", 16: b"0123456789abcdefABCDEF+"}

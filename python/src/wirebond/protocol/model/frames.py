@@ -229,7 +229,7 @@ class Part:
 
 
 def decimal_digits(size: int) -> int:
-    """Most decimal digits of a number of so many bytes, 4 at most."""
+    """Maximum number of decimal digits of a number of ``size`` bytes (1 to 4)."""
     return len(str(256**size - 1))
 
 

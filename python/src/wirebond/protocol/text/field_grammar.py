@@ -193,7 +193,7 @@ class PlainSyntax(ValueSyntax):
         examples=["decimal"],
     )
     decimals: Annotated[int, PlainValidator(whole(1, 12), json_schema_input_type=int)] | None = Field(
-        None, description="Of a number in decimal digits: so many of them stand behind a point.", examples=[2]
+        None, description="Of a number in decimal digits: how many of them follow the point.", examples=[2]
     )
     clock: Annotated[str | None, one_word("mcu")] = Field(
         None,
