@@ -35,7 +35,8 @@ from tests.link.protocol import manipulator
 def drive():
     link = wirebond.open(manipulator(), sys.argv[1])
     link.repeat("drive", hold=60, speed=1000, turn=7)
-    time.sleep(0.05)
+    while "drive" not in link.stats.send.messages:  # behind a full queue it would get too old to leave
+        time.sleep(0.001)
     try:
         while True:
             link.send("note", number=1, text=bytes(100))
