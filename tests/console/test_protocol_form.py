@@ -75,6 +75,33 @@ messages:
     assert joints["columns"] == points["columns"] == []
 
 
+@pytest.mark.parametrize(
+    ("field", "least", "greatest"),
+    [
+        ("{type: i8}", -128, 127),
+        ("{type: u16, scale: 0.5, offset: 1}", 1, 32768.5),
+        ("{type: i8, scale: -1}", -127, 128),
+        ("{type: s16}", -32767, 32767),
+        ("{type: bcd16}", 0, 9999),
+        ("{type: i16, text: decimal, size: 3}", -99, 999),
+        ("{type: u16, text: hex, size: 2}", 0, 255),
+        ("{type: u8, range: [0, 50]}", 0, 50),
+    ],
+)
+def test_a_number_is_bounded_by_what_the_wire_can_carry(field: str, least: float, greatest: float) -> None:
+    proto = Codec(
+        loads(f"""
+wirebond: 1
+protocol: bounds
+frame: [magic: 0xA5, length: u8, id: u8, payload: by_length, check: crc-16/modbus]
+messages: {{state: {{id: 1, sender: host, fields: {{x: {field}}}}}}}
+""")
+    )
+    source = Source(proto, End.HOST, 0.01)
+    (x,) = protocol_form(proto, source.history, "", "port", 9600)["messages"][0]["fields"]
+    assert (x["min"], x["max"]) == (least, greatest)
+
+
 def test_bits_that_share_a_number_are_a_struct() -> None:
     _, form = form_of("contrib/robomaster_referee")
     game = next(m for m in form["messages"] if m["name"] == "game_state")["fields"][0]

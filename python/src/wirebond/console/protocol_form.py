@@ -141,16 +141,8 @@ def _bound(field: Field, given: float | None, *, least: bool) -> float | None:
     """What the file says; else what the wire can carry."""
     if given is not None or field.kind not in INTEGERS:
         return given
-    width = field.width
-    if field.kind == FieldKind.UNSIGNED:
-        wire = 0 if least else (1 << width) - 1
-    elif least:
-        wire = -((1 << (width - 1)) - (1 if field.sign_magnitude else 0))
-    else:
-        wire = (1 << (width - 1)) - 1
-    if field.scale < 0:
-        return None
-    value = wire * field.scale + field.offset
+    ends = [wire * field.scale + field.offset for wire in field.whole_limits]
+    value = min(ends) if least else max(ends)
     return int(value) if value.denominator == 1 else float(value)
 
 

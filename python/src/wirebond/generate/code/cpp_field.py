@@ -190,33 +190,23 @@ def write_value(spec: Field, value: str, slot: Slot) -> list[str]:
     """Lines that store ``value``, or return false where it breaks a rule."""
     if spec.kind == FieldKind.BOOL:
         return [_store_bool(spec, value, slot)]
-    type_name = wire_integer(spec).type_name
-    if spec.enum:
-        return [
-            f"if (!is_known({value})) return false;",
-            _store_integer(spec, f"static_cast<{type_name}>({value})", slot),
-        ]
-    beyond = outside(spec, value, received=False)
-    lines = [f"if ({beyond}) return false;"] if beyond else []
     if spec.kind == FieldKind.FLOAT:
         element = real_type(spec)
         wire = Scaling(spec, element).to_wire(value) if spec.is_scaled else value
         call = f"store_finite{_template_arguments(spec, element)}({slot.place}, {wire})"
-        return [*lines, f"if (!wirebond::{call}) return false;"]
-    if not spec.is_scaled:
-        return [*lines, _store_integer(spec, value, slot)]
-    wire = Scaling(spec, real_type(spec)).to_wire(value)
-    if not spec.bits and not _coding(spec):
-        call = f"store_nearest{_template_arguments(spec, type_name)}({slot.place}, {wire})"
-        return [*lines, f"if (!wirebond::{call}) return false;"]
-    return [
-        *lines,
-        "{",
-        f"  {type_name} wire = 0;",
-        f"  if (!wirebond::nearest<sizeof wire>({wire}, wire)) return false;",
-        f"  {_store_integer(spec, 'wire', slot)}",
-        "}",
-    ]
+        return [*_refuse_outside(spec, value), f"if (!wirebond::{call}) return false;"]
+    if spec.is_scaled and not spec.bits and not _coding(spec):
+        wire = Scaling(spec, real_type(spec)).to_wire(value)
+        call = f"store_nearest{_template_arguments(spec, wire_integer(spec).type_name)}({slot.place}, {wire})"
+        return [*_refuse_outside(spec, value), f"if (!wirebond::{call}) return false;"]
+    lines, wire = _wire_number(spec, value)
+    lines.append(_store_integer(spec, wire, slot))
+    return ["{", *("  " + line for line in lines), "}"] if spec.is_scaled else lines
+
+
+def _refuse_outside(spec: Field, value: str) -> list[str]:
+    beyond = outside(spec, value, received=False)
+    return [f"if ({beyond}) return false;"] if beyond else []
 
 
 def _byte(place: str) -> str:
@@ -335,8 +325,7 @@ def _wire_number(spec: Field, value: str) -> tuple[list[str], str]:
     type_name = wire_integer(spec).type_name
     if spec.enum:
         return [f"if (!is_known({value})) return false;"], f"static_cast<{type_name}>({value})"
-    beyond = outside(spec, value, received=False)
-    lines = [f"if ({beyond}) return false;"] if beyond else []
+    lines = _refuse_outside(spec, value)
     if not spec.is_scaled:
         return lines, value
     wire = Scaling(spec, real_type(spec)).to_wire(value)
