@@ -38,26 +38,26 @@ export function joined(marks: readonly LinkEvent[], news: readonly LinkEvent[]):
   return [...(again.size ? marks.filter((mark) => !again.has(key(mark))) : marks), ...news];
 }
 
+/** Marks that lie too close to each other to be told apart, the heaviest first. */
 export interface Group {
-  t: number; // of the first one
+  t: number; // of the heaviest
   tone: Tone;
   isSmall: boolean;
   marks: LinkEvent[];
 }
 
-/** Those from `from` to `to` in `places` places beside each other: in each one group of a look. The heaviest come last, so
- *  that they lie on top. */
-export function grouped(marks: readonly LinkEvent[], from: number, to: number, places: number): Group[] {
-  const groups = new Map<string, Group>();
-  for (const mark of marks) {
-    const tone = toneOf(mark);
-    if (tone === null || mark.t < from || mark.t > to) continue;
-    const place = Math.min(places - 1, Math.floor(((mark.t - from) / (to - from || 1)) * places));
-    const key = `${place} ${tone} ${isSmall(mark)}`;
-    const group = groups.get(key);
-    if (group) group.marks.push(mark);
-    else groups.set(key, { t: mark.t, tone, isSmall: isSmall(mark), marks: [mark] });
+/** Those from `from` to `to` in groups that are at least `gap` seconds apart, by time. */
+export function grouped(marks: readonly LinkEvent[], from: number, to: number, gap: number): Group[] {
+  const weight = (mark: LinkEvent) => Number(!isSmall(mark)) * TONES.length - TONES.indexOf(toneOf(mark)!);
+  const shown = marks.filter((mark) => toneOf(mark) !== null && mark.t >= from && mark.t <= to);
+  const groups = new Map<number, Group>(); // by a number that rises by one within `gap`: at most one has each
+  for (const mark of shown.sort((a, b) => weight(b) - weight(a) || a.t - b.t)) {
+    const place = Math.floor((mark.t - from) / gap);
+    const near = [place, place - 1, place + 1]
+      .map((one) => groups.get(one))
+      .find((group) => group && Math.abs(group.t - mark.t) < gap);
+    if (near) near.marks.push(mark);
+    else groups.set(place, { t: mark.t, tone: toneOf(mark)!, isSmall: isSmall(mark), marks: [mark] });
   }
-  const weight = (group: Group) => Number(!group.isSmall) * TONES.length - TONES.indexOf(group.tone);
-  return [...groups.values()].sort((a, b) => weight(a) - weight(b));
+  return [...groups.values()].sort((a, b) => a.t - b.t);
 }

@@ -127,7 +127,7 @@ def test_a_firmware_of_another_file_is_told_by_every_command(
         assert "`wirebond diff`" in sent.stderr
     for _ in moments("a hello"):
         watched = run("monitor", other, firmware.port, "--json", "--seconds", "0.3")
-        if hellos := [m for m in map(json.loads, watched.stdout.splitlines()) if m["message"] == "hello"]:
+        if hellos := [m for m in map(json.loads, watched.stdout.splitlines()) if m.get("message") == "hello"]:
             break
     assert watched.stderr.count("the MCU was built from another protocol file") == 1
     assert hellos[0]["peer"] == {"state": "different", "hash": f"{codec('linear_axis').hash:016x}"}
@@ -368,7 +368,7 @@ def test_what_a_firmware_refused_is_counted_alike_at_both_ends(
     )
     for _ in moments("counters as JSON"):
         lines = run("monitor", AXIS, firmware.port, "--seconds", "0.7", "--json").stdout.splitlines()
-        if shown := [m["counters"] for m in map(json.loads, lines) if m["message"] == "link_counters"]:
+        if shown := [m["counters"] for m in map(json.loads, lines) if m.get("message") == "link_counters"]:
             break
     counters = shown[0]
     assert counters == {**found.as_dict(), "text": str(found)}

@@ -39,16 +39,31 @@ test("a discard that goes on stands for what was told of it before", () => {
   expect(joined(before, [event(4, "mark")])).toHaveLength(4);
 });
 
-test("many marks at one place are one, and the heaviest lie on top", () => {
+test("marks that lie too close are one, at the heaviest, and none covers another", () => {
   const marks = [
     event(0.5, "stopped"),
     ...Array.from({ length: 1000 }, (_, index) => event(index / 100, "discarded", { bytes: 3 })),
     event(10, "mark"),
     event(11, "mark"),
   ];
-  const groups = grouped(marks, 0, 10, 20);
-  expect(groups).toHaveLength(20 + 2);
-  expect(groups.slice(0, 20).reduce((sum, group) => sum + group.marks.length, 0)).toBe(1000);
-  expect(groups.map((group) => group.tone).slice(20)).toEqual(["accent", "stop"]);
-  expect(groups.find((group) => group.tone === "accent")!.t).toBe(10);
+  const groups = grouped(marks, 0, 10, 0.5);
+  expect(groups.reduce((sum, group) => sum + group.marks.length, 0)).toBe(1002);
+  for (const [index, group] of groups.slice(1).entries())
+    expect(group.t - groups[index]!.t).toBeGreaterThanOrEqual(0.5);
+  expect(groups.length).toBeGreaterThan(10);
+  expect(groups.filter((group) => !group.isSmall).map((group) => [group.t, group.tone])).toEqual([
+    [0.5, "stop"],
+    [10, "accent"],
+  ]);
+});
+
+test("a group is told by its heaviest marks first, and a mark goes to a group within reach", () => {
+  const marks = [event(1.0, "mark"), event(1.1, "deadline_struck"), event(1.2, "port_down"), event(2.3, "mark")];
+  const groups = grouped(marks, 0, 10, 1);
+  expect(groups.map((group) => group.marks.map((mark) => mark.t))).toEqual([[1.2, 1.1, 1.0], [2.3]]);
+  expect(groups.map((group) => [group.t, group.tone])).toEqual([
+    [1.2, "bad"],
+    [2.3, "accent"],
+  ]);
+  expect(grouped([event(3, "mark"), event(3, "mark")], 3, 3, 1e-9)).toHaveLength(1);
 });
