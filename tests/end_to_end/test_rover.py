@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import dropwhile
 from pathlib import Path
 from statistics import median
 
@@ -102,8 +103,9 @@ def test_rover_that_loses_its_host_stops_after_1_s_and_is_safe_after_3_s(
         # When they strike: tests/end_to_end/test_lockstep.py, in virtual time.
         assert "stop" in wait_for_event(process, "safe_mode")
     seen = watch(process.port, 0.5)
-    assert ticks(seen)
-    assert set(ticks(seen)) == {0}
+    at_rest = list(dropwhile(bool, ticks(seen)))  # a first one may be of the moment before: both strike behind a pause
+    assert len(at_rest) >= len(ticks(seen)) - 1 and at_rest
+    assert set(at_rest) == {0}
     (status,) = [m for m in seen if m.name == "status"]
     assert "comm_timeout" in status.fields["errors"]
 

@@ -453,6 +453,33 @@ def test_a_reply_whose_answer_leaves_before_it_comes_reaches_the_client(
         assert wait()["battery"] == 12
 
 
+def test_a_program_that_stood_still_does_not_take_that_for_the_servers_silence(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As behind a suspended computer: the time for the answer is over, and the answer lies in the socket."""
+
+    class AsBehindAStall(threading.Event):
+        stood_still = False
+
+        def wait(self, timeout: float | None = None) -> bool:
+            if not self.stood_still and timeout is not None:
+                self.stood_still = True
+                return False
+            return super().wait(timeout)
+
+    class Call(attached_link._Call):
+        def __init__(self) -> None:
+            super().__init__()
+            self.done = AsBehindAStall()
+
+    with wirebond.open(served.address) as link:
+        monkeypatch.setattr(attached_link, "_Call", Call)
+        assert link.stats.send.sent == 0
+        link.take_control()
+        link.internals.engine.send_all([(0, served.codec.encode("velocity", linear=0, angular=0))])
+        assert link.stats.send.sent >= 1
+
+
 def test_an_attached_link_comes_back_when_the_server_does(tmp_path: Path) -> None:
     proto, pty = wirebond.load(PROTOCOLS / "diffdrive.yaml"), PtyPort()
     path = tmp_path / "server.sock"
