@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+import re
 import threading
 from collections.abc import Iterator
 from functools import cache
@@ -254,6 +255,7 @@ def test_two_formats_that_share_a_line_are_told_with_their_shares(
     assert main(["identify", str(mixed)]) == 0
     shown = capsys.readouterr().out
     assert "share the line: each explains other bytes" in shown
+    assert re.search(r"One port can carry both: wirebond serve \S+\.yaml \S+\.yaml PORT", shown)
     assert "explains many of the same frames" not in shown
 
 

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from wirebond.link.attached.words import Control
     from wirebond.link.clock_line import HostTime
     from wirebond.link.clock_sync import ClockReading
+    from wirebond.link.common_port import CommonPort
     from wirebond.link.handlers import DeadlineEvent
     from wirebond.link.inbox import Latest
     from wirebond.link.listen import Heard, Listener, listen
@@ -62,6 +63,7 @@ __all__ = [
     "ClockReading",
     "Codec",
     "Columns",
+    "CommonPort",
     "Control",
     "DeadlineEvent",
     "Decoder",
@@ -134,6 +136,7 @@ _HOMES = {
         "errors": tuple(name for name in __all__ if name.endswith("Error")),
         "link.clock_line": ("HostTime",),
         "link.clock_sync": ("ClockReading",),
+        "link.common_port": ("CommonPort",),
         "link.handlers": ("DeadlineEvent",),
         "link.inbox": ("Latest",),
         "link.listen": ("Heard", "Listener", "listen"),

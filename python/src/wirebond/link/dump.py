@@ -55,16 +55,28 @@ class Dump:
     :ivar pieces: every read and write that is still kept, in their order.
     :ivar dropped_bytes: older bytes, whose room was needed. So the first frame may lack its beginning.
     :ivar role: the end that the link played.
+    :ivar other_protocols: whose frames the line carries as well; here they are discarded bytes.
     """
 
     def __init__(
-        self, codec: Codec, t: float, pieces: Sequence[Piece], dropped_bytes: int, role: End = End.HOST
+        self,
+        codec: Codec,
+        t: float,
+        pieces: Sequence[Piece],
+        dropped_bytes: int,
+        role: End = End.HOST,
+        other_protocols: Sequence[Codec] = (),
     ) -> None:
         self.role = role
+        self.other_protocols = tuple(other_protocols)
         self.codec = codec
         self.t = t
         self.pieces = tuple(pieces)
         self.dropped_bytes = dropped_bytes
+
+    def with_pieces(self, pieces: Sequence[Piece], dropped_bytes: int) -> Dump:
+        """The same of other bytes."""
+        return Dump(self.codec, self.t, pieces, dropped_bytes, self.role, self.other_protocols)
 
     @property
     def received(self) -> bytes:

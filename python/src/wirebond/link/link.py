@@ -24,6 +24,8 @@ from wirebond.link.attached.servers_port import ServersPort
 from wirebond.link.attached.words import Control
 from wirebond.link.clock_line import HostTime
 from wirebond.link.clock_sync import ClockReading
+from wirebond.link.common_port import CommonPort
+from wirebond.link.devices.port_name import MAX_BAUD
 from wirebond.link.dump import Dump, Piece
 from wirebond.link.ends import actions_at, other
 from wirebond.link.frame_maker import FrameMaker, OwnMessage
@@ -45,7 +47,6 @@ from wirebond.protocol.model import End
 from wirebond.typed import TypedMessage, name_and_values
 
 DEFAULT_HOLD = 0.2  # seconds that a repeated value lives after `repeat` was last called
-MAX_BAUD = 100_000_000
 MAX_HOLD = 60.0  # seconds: a longer lease would be none
 
 _PROTOCOL = "a protocol file's path, a Codec, or a server's address"
@@ -67,7 +68,7 @@ class Link(Receiving):
     def __init__(
         self,
         codec: Codec,
-        port: str | os.PathLike[str],
+        port: str | os.PathLike[str] | CommonPort,
         baud: int | None = None,
         *,
         paced: bool = True,
@@ -79,7 +80,8 @@ class Link(Receiving):
         clock_sync: bool = True,
         role: str = "host",
     ) -> None:
-        text = os.fsdecode(path("port", port, "a port, such as /dev/ttyUSB0"))
+        if not isinstance(port, CommonPort):
+            port = os.fsdecode(path("port", port, "a port, such as /dev/ttyUSB0"))
         if role not in (End.HOST, End.MCU):
             raise UsageError(f"role is {shown(role)}; expected 'host' or 'mcu'")
         if listen not in ("own", "all"):
@@ -87,20 +89,22 @@ class Link(Receiving):
         self._end = End(role)
         settings = codec.model.link
         self.codec = codec
-        self.baud = settings.baud if baud is None else whole("baud", baud, 1, MAX_BAUD, "bits per second")
+        if baud is None and isinstance(port, CommonPort):
+            baud = port.baud
+        baud = settings.baud if baud is None else whole("baud", baud, 1, MAX_BAUD, "bits per second")
         self.paced = paced
         if settings.stop_bits not in (1, 2):
             raise UsageError(f"a Linux tty has 1 or 2 stop bits, and {codec.name} asks for {settings.stop_bits:g}")
         ending.refuse_at_the_end()
         self._owner: Owner
-        if text.startswith(SCHEME):
-            self._owner = ServersPort(codec, self._end, server_address(text), wait_for_port)
+        if isinstance(port, str) and port.startswith(SCHEME):
+            self._owner = ServersPort(codec, self._end, server_address(port), wait_for_port)
         else:
             self._owner = OwnPort(
                 codec,
                 self._end,
-                text,
-                self.baud,
+                port,
+                baud,
                 paced=paced,
                 hold_back=hold_back,
                 adapter_latency=adapter_latency,
@@ -108,6 +112,7 @@ class Link(Receiving):
             )
         self._engine = self._owner.engine
         self.port = self._owner.port
+        self.baud = self._owner.baud
         self.adapter_latency = self._owner.adapter_latency
         self._actions = actions_at(codec, self._end)
         self._frames = FrameMaker(codec, self._end, self._engine)
@@ -431,7 +436,13 @@ class Link(Receiving):
         """
         now = time.monotonic()
         pieces, dropped_bytes = self._engine.recent()
-        return Dump(self.codec, now, [Piece(t / 1e6, kind, data) for kind, t, data in pieces], dropped_bytes, self._end)
+        found = [Piece(t / 1e6, kind, data) for kind, t, data in pieces]
+        return Dump(self.codec, now, found, dropped_bytes, self._end, self.other_protocols)
+
+    @property
+    def other_protocols(self) -> list[Codec]:
+        """Of the other links on a `CommonPort`: their frames are discarded bytes here. Any thread."""
+        return self._owner.other_protocols()
 
     def tap(self, capacity: int = TAP_BYTES) -> Tap:
         """Begin to keep every read, every write and every event, for who records the link. The first events tell how
@@ -522,7 +533,7 @@ class Link(Receiving):
 
 def open_link(
     protocol: str | os.PathLike[str] | Codec,
-    port: str | os.PathLike[str] | None = None,
+    port: str | os.PathLike[str] | CommonPort | None = None,
     baud: int | None = None,
     *,
     paced: bool = True,
@@ -543,7 +554,7 @@ def open_link(
         ``rfc2217://host:port``, one whose baud rate, parity and stop bits the link sets; or ``replay:run.mcap``, a
         recording, also with options such as ``replay:run.mcap?speed=max&from=12.5&to=20&loop=1``; or
         ``wirebond://NAME`` or ``wirebond://host:port?token=TOKEN``, the link of a running ``wirebond serve``, whose
-        settings then hold, not these.
+        settings then hold, not these; or a `CommonPort`, which other links open as well.
     :param baud: bits per second; default: the file's.
     :param paced: frames are handed to the port at the pace of its baud rate, so that at most 5 ms of line, or one
         frame, lie before an emergency stop. False: as fast as the port takes them, for ports whose baud rate means

@@ -12,6 +12,7 @@ from wirebond.codec import Codec
 from wirebond.errors import PortError, UsageError
 from wirebond.link.attached.attached_recordings import ServerRecordings
 from wirebond.link.attached.words import Control
+from wirebond.link.common_port import CommonPort
 from wirebond.link.devices.names import resolve
 from wirebond.link.devices.permission import no_permission
 from wirebond.link.devices.port_name import PortName, port_name
@@ -40,7 +41,7 @@ class OwnPort:
         self,
         codec: Codec,
         end: End,
-        text: str,
+        port: str | CommonPort,
         baud: int,
         *,
         paced: bool,
@@ -49,8 +50,11 @@ class OwnPort:
         waits: bool,
     ) -> None:
         self._codec = codec
+        self.baud = baud
         self._end = end
         self._simulated: Any = None
+        self._common = common = port if isinstance(port, CommonPort) else None
+        text = port.name if isinstance(port, CommonPort) else port
         if text == SIMULATED:
             if end == End.MCU:
                 raise UsageError("sim: is a virtual MCU, and role 'mcu' is one as well; open it as the host")
@@ -64,7 +68,7 @@ class OwnPort:
         self._is_replay = bool(name.recording)
         settings = engine_settings(codec, baud, paced, hold_back, self.adapter_latency, end)
         try:
-            self.engine = open_engine(codec, end, name, settings, waits)
+            self.engine = open_engine(codec, end, name, settings, waits, common)
         except PortError as error:
             if error.errno != errno.EACCES:
                 raise
@@ -108,6 +112,10 @@ class OwnPort:
         with contextlib.suppress(PortError, UsageError):
             return resolve(self.port)
         return self.port
+
+    def other_protocols(self) -> list[Codec]:
+        """See `Owner`."""
+        return [] if self._common is None else [c for c in self._common.codecs if c.hash != self._codec.hash]
 
     def recordings(self) -> ServerRecordings:
         """:raises UsageError: there is no server."""

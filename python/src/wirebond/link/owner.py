@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-from wirebond.codec import Message
+from wirebond.codec import Codec, Message
 from wirebond.link.attached.words import Control
 from wirebond.link.clock_line import ClockLine, HostTime
 from wirebond.link.clock_sync import ClockReading
@@ -46,11 +46,13 @@ class Owner(Protocol):
     """What differs between a port of this program and one of a server. Any thread may call any method.
 
     :ivar port: the name to show.
+    :ivar baud: bits per second of the line.
     :ivar adapter_latency: seconds that the port may hold received bytes back.
     :ivar is_attached: a server owns the port.
     """
 
     port: str
+    baud: int
     adapter_latency: float
     is_attached: bool
 
@@ -75,6 +77,9 @@ class Owner(Protocol):
 
     def device(self) -> str:
         """Return the port at the end of the line, such as the tty behind a stable name."""
+
+    def other_protocols(self) -> list[Codec]:
+        """See ``Link.other_protocols``."""
 
     def recordings(self) -> ServerRecordings:
         """See ``Link.recordings``."""

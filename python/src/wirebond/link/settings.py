@@ -11,6 +11,7 @@ from wirebond import _engine
 from wirebond.arguments import real
 from wirebond.codec import Codec
 from wirebond.errors import UsageError
+from wirebond.link.common_port import CommonPort
 from wirebond.link.devices.port_name import ADAPTER_LATENCY, PortName
 from wirebond.link.ends import actions_at, other, own_address_field
 from wirebond.link.engine_settings import (
@@ -39,11 +40,13 @@ HAS_ENGINE_PORTS = hasattr(_engine, "Link")  #: the engine opens ttys and TCP co
 
 
 def open_engine(
-    codec: Codec, end: End, port: PortName, settings: EngineSettings, waits: bool
+    codec: Codec, end: End, port: PortName, settings: EngineSettings, waits: bool, common: CommonPort | None = None
 ) -> _engine.Link | PythonLink:
     """The link below a `Link`, with its port open.
 
+    :param common: of ``port``, which other links open as well.
     :raises PortError: it cannot be opened; with ``waits`` that is no error.
+    :raises UsageError: silence ends the frames, and the port is common to several links.
     """
     protocol, receive = codec.tables.protocol, codec.tables.format_for(other(end))
     if port.recording:
@@ -52,9 +55,16 @@ def open_engine(
         if (stamper := opener.stamper(codec)) is not None:
             link.set_stamper(stamper)
         return link
+    line = LineSettings(settings.baud, settings.data_bits, settings.parity, settings.stop_bits)
+    if common is not None:
+        if settings.pause_seconds:
+            raise UsageError(
+                f"silence ends the frames of {codec.name}, and another link's frames on {port.text} would fill it; "
+                "open the port for this protocol alone"
+            )
+        return PythonLink(protocol, receive, common.opener(codec, line, ROOT), settings, waits)
     if HAS_ENGINE_PORTS and not port.is_rfc2217:
         return _engine.Link(protocol, receive, engine_port(port, waits), settings)
-    line = LineSettings(settings.baud, settings.data_bits, settings.parity, settings.stop_bits)
     silence = settings.pause_seconds or _LONGEST_READ  # that ends a frame
     wait = min(max(silence / 2, _SHORTEST_READ), _LONGEST_READ)
     return PythonLink(protocol, receive, PythonOpener(port, line, wait, ROOT), settings, waits)

@@ -259,6 +259,7 @@ class Owner:
             baud=link.baud,
             role=link.role,
             control=words.Control(self.book.name, False, self.book.released_by),
+            other_protocols=[codec.model.text for codec in link.other_protocols],
         )
         return {"ok": welcome, "t": now, "tick": self.book.ticks.newest}
 

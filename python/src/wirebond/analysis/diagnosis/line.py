@@ -11,6 +11,7 @@ import re
 from collections import Counter, defaultdict
 
 from wirebond.analysis.diagnosis.finding import Diagnosis, Kind
+from wirebond.analysis.diagnosis.other_protocols import own_entries
 from wirebond.analysis.diagnosis.recent import recent
 from wirebond.analysis.diagnosis.settings_of_line import other_settings, parity_of_seven_bits
 from wirebond.analysis.diagnosis.shared_port import changed_settings, other_readers
@@ -54,7 +55,7 @@ def diagnose(link: Link, seconds: float = math.inf) -> list[Diagnosis]:
         pieces.append(piece)
         size += len(piece.bytes)
     dropped = dump.dropped_bytes + len(dump.received) + len(dump.sent) - size
-    found = diagnose_dump(Dump(dump.codec, dump.t, pieces[::-1], dropped, dump.role), link.baud, seconds)
+    found = diagnose_dump(dump.with_pieces(pieces[::-1], dropped), link.baud, seconds)
     reader = other_readers(link.device) if found and not link.is_attached else None
     return found if reader is None else [reader, *found]
 
@@ -70,7 +71,7 @@ def diagnose_dump(dump: Dump, baud: int, seconds: float = math.inf) -> list[Diag
     resets = _resets(dump, seconds)
     dump = recent(dump, seconds)
     collided = _collisions(dump)
-    received = [e for e in dump.entries if e.direction == "received"]
+    received = own_entries([e for e in dump.entries if e.direction == "received"], dump.other_protocols, _peer(dump))
     data = b"".join(e.bytes for e in received)
     found = [one for one in (changed_settings(dump), collided or _echo(dump), resets) if one is not None]
     if not data:

@@ -28,7 +28,7 @@ def recent(dump: Dump, seconds: float) -> Dump:
             pieces.append(Piece(piece.t, "port_up", b""))  # it worked until here
         elif piece.bytes[cut:] or piece.kind in _STATES or (piece.kind not in old and piece.t >= since):
             pieces.append(Piece(piece.t, piece.kind, piece.bytes[cut:]))
-    return Dump(dump.codec, dump.t, _without_old_ports(pieces), dropped, dump.role)
+    return dump.with_pieces(_without_old_ports(pieces), dropped)
 
 
 def _size_before(dump: Dump, direction: str, t: float) -> int:

@@ -92,6 +92,8 @@ def verdict(candidates: Sequence[Candidate]) -> list[str]:
         names = " and ".join(one.format.name for one in mates)
         shares = " and ".join(f"{one.frame_share:.0%}" for one in mates)
         said.append(f"{names} share the line: each explains other bytes, {shares} of them.")
+        files = " ".join(str(one.format.model.path) for one in mates)
+        said.append(f"One port can carry both: wirebond serve {files} PORT, or a CommonPort in Python.")
     rivals = [
         one
         for one in others

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +20,7 @@ from wirebond.errors import UsageError, WirebondError
 from wirebond.link import Link, open_link
 from wirebond.link.attached.address import SCHEME, make_socket_folder, socket_of
 from wirebond.link.attached.kept_token import kept_token
+from wirebond.link.common_port import CommonPort
 from wirebond.server import Server
 from wirebond.server.owner import is_loopback
 from wirebond.server.recordings import Recordings
@@ -34,9 +35,9 @@ _LOOK = 0.2  # seconds between two looks at the port and at who is in control
 
 @dataclass(frozen=True)
 class Serving:
-    """What ``wirebond serve`` was given. ``path`` and ``port`` None: the page of the console chooses them."""
+    """What ``wirebond serve`` was given. No ``paths`` and no ``port``: the page of the console chooses them."""
 
-    path: Path | None
+    paths: Sequence[Path]
     port: str | None
     baud: int | None
     name: str | None
@@ -52,49 +53,106 @@ class Serving:
     seconds: float | None
 
 
+@dataclass(frozen=True)
+class _Served:
+    """One link, and who may attach to it."""
+
+    link: Link
+    server: Server
+    address: str  # by the socket
+    console: Console | None
+
+    def now(self) -> tuple[Link, Server] | None:
+        """What is served at this moment: the page may connect to another port, or to none."""
+        return (self.link, self.server) if self.console is None else _shown_by(self.console)
+
+
 def serve_port(given: Serving) -> None:
     """Until the time is over, or Ctrl-C."""
-    if given.path is None or given.port is None:
+    if not given.paths or given.port is None:
         _serve_page_alone(given)
         return
-    codec = load(given.path)
-    topics = _topics(codec, given.mapping) if given.ros2 or given.mapping is not None else None
-    where = socket_of(given.name or codec.name)
+    codecs = [load(path) for path in given.paths]
+    if len(codecs) > 1:
+        _refuse_for_several(given, codecs)
+    topics = _topics(codecs[0], given.mapping) if given.ros2 or given.mapping is not None else None
     host = _host_and_port(given.tcp)
     web = None if given.web is None else web_address(given.web)
     make_socket_folder()
     with ended_by_signals(), shown_server_log(), ExitStack() as stack:
-        link = stack.enter_context(open_link(codec, given.port, given.baud, listen=given.listen, wait_for_port=True))
-        if given.record is not None:
-            stack.enter_context(link.record(given.record))
-        token = given.token if host is None else _token(given, host[0])
-        server = stack.enter_context(Server(link, where, tcp=host, token=token, recordings=given.recordings))
-        errors.print(
-            f"{codec.name} on {plain(link.port)}. Attach with [bold]wirebond://{where.stem}[/]", soft_wrap=True
-        )
-        if host is not None:
-            address = f"wirebond://{_shown(host[0])}:{server.port}"
-            errors.print(f"From other programs by TCP: [bold]{address}?token={server.token}[/]", soft_wrap=True)
-        now: Callable[[], tuple[Link, Server] | None] = lambda: (link, server)  # noqa: E731
+        port = CommonPort(given.port, given.baud) if len(codecs) > 1 else given.port
+        links = [stack.enter_context(_opened(codec, port, given)) for codec in codecs]
+        served = [
+            _serve(stack, given, link, _behind(host, number), _behind(web, number)) for number, link in enumerate(links)
+        ]
         failure: Failure | None = None
-        if web is not None:
-            console = stack.enter_context(_console(web, given))
-            console.show(link, server)
-            show(console, given.opens_browser)
-            now = lambda: _served(console)  # noqa: E731
         if topics is not None:
             from wirebond.ros2.serving import bridge_to  # noqa: PLC0415 without --ros2 its packages are not loaded
 
-            bridge = stack.enter_context(bridge_to(f"{SCHEME}{where.absolute()}", topics))
+            bridge = stack.enter_context(bridge_to(served[0].address, topics))
             failure = bridge.node.failure
             source = f"by {topics.path}" if topics.path else "as JSON"
             errors.print(f"ROS 2 node [bold]{topics.namespace.rstrip('/')}/{topics.node}[/], {plain(source)}")
         try:
-            _watch(now, given.seconds, failure)
+            _watch([_Watched(one.now, is_one_of_several=len(served) > 1) for one in served], given.seconds, failure)
         except KeyboardInterrupt:
             errors.print("ends: what is repeated ends with its safe value")
-        errors.print(stats_line(link.stats.receive))
-    _finish(server.recordings)
+        for one in served:
+            errors.print(_named(stats_line(one.link.stats.receive), one.link if len(served) > 1 else None))
+    for one in served:
+        _finish(one.server.recordings)
+
+
+def _opened(codec: Codec, port: str | CommonPort, given: Serving) -> Link:
+    baud = None if isinstance(port, CommonPort) else given.baud
+    return open_link(codec, port, baud, listen=given.listen, wait_for_port=True)
+
+
+def _serve(
+    stack: ExitStack, given: Serving, link: Link, tcp: tuple[str, int] | None, web: tuple[str, int] | None
+) -> _Served:
+    where = socket_of(given.name or link.codec.name)
+    place = f"{SCHEME}{where.absolute()}"
+    if given.record is not None:
+        stack.enter_context(link.record(given.record))
+    token = given.token if tcp is None else _token(given, tcp[0])
+    server = stack.enter_context(Server(link, where, tcp=tcp, token=token, recordings=given.recordings))
+    errors.print(
+        f"{link.codec.name} on {plain(link.port)}. Attach with [bold]wirebond://{where.stem}[/]", soft_wrap=True
+    )
+    if tcp is not None:
+        address = f"wirebond://{_shown(tcp[0])}:{server.port}"
+        errors.print(f"From other programs by TCP: [bold]{address}?token={server.token}[/]", soft_wrap=True)
+    if web is None:
+        return _Served(link, server, place, None)
+    console = stack.enter_context(_console(web, given))
+    console.show(link, server)
+    show(console, given.opens_browser)
+    return _Served(link, server, place, console)
+
+
+def _refuse_for_several(given: Serving, codecs: Sequence[Codec]) -> None:
+    """What one link alone can have."""
+    names = [codec.name for codec in codecs]
+    if len(set(names)) < len(names):
+        raise UsageError(
+            f"two of the files are of the protocol {names[0]}; programs attach by its name: give one of them"
+        )
+    for is_given, option, instead in (
+        (given.name is not None, "--name", f"programs attach by the names of the protocols: {', '.join(names)}"),
+        (given.record is not None, "--record", f"run `wirebond record {SCHEME}{names[0]}` beside it, for each of them"),
+        (given.ros2, "--ros2", f"give a bridge of its own {SCHEME}{names[0]} as its port"),
+        (given.mapping is not None, "--mapping", f"give a bridge of its own {SCHEME}{names[0]} as its port"),
+    ):
+        if is_given:
+            raise UsageError(f"{option} is for one protocol file, and there are {len(names)}; {instead}")
+
+
+def _behind(address: tuple[str, int] | None, number: int) -> tuple[str, int] | None:
+    """The address of the link with this number: each has the port behind that of the one before."""
+    if address is None or address[1] == 0:
+        return address
+    return address[0], address[1] + number
 
 
 def _topics(codec: Codec, path: Path | None) -> BridgeMapping:
@@ -105,18 +163,20 @@ def _topics(codec: Codec, path: Path | None) -> BridgeMapping:
 
 def _serve_page_alone(given: Serving) -> None:
     """The page chooses the port and the protocol."""
-    if given.web is None or given.path is not None or given.tcp is not None or given.record is not None or given.ros2:
+    if given.web is None or given.port is not None or given.tcp is not None or given.record is not None or given.ros2:
         raise UsageError("give FILE and PORT; without both, only --web is possible, where the page chooses them")
     with ended_by_signals(), shown_server_log(), _console(web_address(given.web), given) as console:
         show(console, given.opens_browser)
         with suppress(KeyboardInterrupt):
-            _watch(lambda: _served(console), given.seconds)
+            _watch([_Watched(lambda: _shown_by(console))], given.seconds)
 
 
 def _console(address: tuple[str, int], given: Serving) -> Console:
     from wirebond.console import Console, Options  # noqa: PLC0415 without --web its packages are not loaded
 
-    options = Options(given.name, given.recordings, given.listen, may_connect=True, may_save=given.path)
+    options = Options(
+        given.name, given.recordings, given.listen, may_connect=True, may_save=given.paths[0] if given.paths else None
+    )
     return Console(*address, token=_token(given, address[0]), options=options)
 
 
@@ -125,7 +185,7 @@ def _token(given: Serving, host: str) -> str | None:
     return given.token or (kept_token() if is_loopback(host) else None)
 
 
-def _served(console: Console) -> tuple[Link, Server] | None:
+def _shown_by(console: Console) -> tuple[Link, Server] | None:
     served = console.station.served
     return None if served is None else (served.link, served.server)
 
@@ -139,42 +199,71 @@ def _finish(recordings: Recordings) -> None:
         recordings.wait()
 
 
-def _watch(now: Callable[[], tuple[Link, Server] | None], seconds: float | None, bridge: Failure | None = None) -> None:
-    """Print what changes. ``now``: what is served at that moment.
+class _Watched:
+    """Prints what changes at a link.
+
+    :param now: what is served at that moment.
+    :param is_one_of_several: say of which link.
+    """
+
+    def __init__(self, now: Callable[[], tuple[Link, Server] | None], *, is_one_of_several: bool = False) -> None:
+        self._now = now
+        self._is_one_of_several = is_one_of_several
+        self._known: Link | None = None
+        self._is_other = False  # not the one that the command line named
+        self._forget()
+
+    def _forget(self) -> None:
+        self._was_away = False
+        self._holder: str | None = None
+        self._clients = 0
+        self._stopped_by: str | None = None
+
+    def look(self) -> None:
+        found = self._now()
+        if found is None:
+            self._known, self._is_other = None, True
+            return
+        link, server = found
+        self._is_other = self._is_other or self._known not in (None, link)
+        if self._is_other and self._known is not link:
+            self._forget()
+            errors.print(f"{link.codec.name} on {plain(link.port)}")
+        self._known = link
+        is_away = link.state == "down"
+        if is_away != self._was_away:
+            self._say(f"{plain(link.why)}. Waiting for it." if is_away else f"{plain(link.port)} is there")
+            self._was_away = is_away
+        if (name := server.holder) != self._holder:
+            self._say("no program is in control" if name is None else f"{plain(name)} is in control")
+            self._holder = name
+        if (name := server.stopped_by) != self._stopped_by:
+            self._say("the emergency stop is released" if name is None else f"{plain(name)} stopped the robot")
+            self._stopped_by = name
+        if (count := server.client_count) != self._clients:
+            self._say(f"{count} client{'' if count == 1 else 's'}")
+            self._clients = count
+
+    def _say(self, text: str) -> None:
+        errors.print(_named(text, self._known if self._is_one_of_several else None))
+
+
+def _named(text: str, link: Link | None) -> str:
+    """With the name of its protocol, where one is given."""
+    return text if link is None else f"{link.codec.name}: {text}"
+
+
+def _watch(watched: Sequence[_Watched], seconds: float | None, bridge: Failure | None = None) -> None:
+    """Print what changes.
 
     :raises WirebondError: the bridge to ROS 2 has failed. Topics that stopped would look like a silent robot, so the
         server ends with an error, and what started it can start it again.
     """
-    known: Link | None = None
-    is_other = False  # not the one that the command line named
-    was_away, holder, clients, stopped_by = False, None, 0, None
     for left in time_left(seconds):
         if bridge is not None and bridge.why:
             raise WirebondError(f"the bridge to ROS 2 ends, and the server with it: {bridge.why}")
-        found = now()
-        if found is None:
-            known, is_other = None, True
-            time.sleep(min(_LOOK, left))
-            continue
-        link, server = found
-        is_other = is_other or known not in (None, link)
-        if is_other and known is not link:
-            was_away, holder, clients, stopped_by = False, None, 0, None
-            errors.print(f"{link.codec.name} on {plain(link.port)}")
-        known = link
-        is_away = link.state == "down"
-        if is_away != was_away:
-            errors.print(f"{plain(link.why)}. Waiting for it." if is_away else f"{plain(link.port)} is there")
-            was_away = is_away
-        if (name := server.holder) != holder:
-            errors.print("no program is in control" if name is None else f"{plain(name)} is in control")
-            holder = name
-        if (name := server.stopped_by) != stopped_by:
-            errors.print("the emergency stop is released" if name is None else f"{plain(name)} stopped the robot")
-            stopped_by = name
-        if (count := server.client_count) != clients:
-            errors.print(f"{count} client{'' if count == 1 else 's'}")
-            clients = count
+        for one in watched:
+            one.look()
         time.sleep(min(_LOOK, left))
 
 

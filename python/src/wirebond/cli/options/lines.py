@@ -97,8 +97,12 @@ def listen(
 
 @commands.command()
 def serve(
-    file: Annotated[
-        Path | None, typer.Argument(metavar="FILE", help="Protocol file (YAML). With --web the page can choose it.")
+    files: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="FILE",
+            help="Protocol file (YAML). Several, if the line carries several formats. With --web the page can choose.",
+        ),
     ] = None,
     port: Annotated[
         str | None, typer.Argument(metavar="PORT", help="As for `monitor`. With --web the page can choose it.")
@@ -143,7 +147,9 @@ def serve(
 
     raise_from_here()
     serve_port(
-        Serving(file, port, baud, name, tcp, token, hear, record, recordings, web, browser, ros2, mapping, seconds)
+        Serving(
+            files or [], port, baud, name, tcp, token, hear, record, recordings, web, browser, ros2, mapping, seconds
+        )
     )
 
 

@@ -15,6 +15,7 @@ from wirebond.link.attached.words import Control
 from wirebond.link.devices.names import resolve
 from wirebond.link.inbox import Inbox
 from wirebond.link.services import AskingLink
+from wirebond.protocol.loader import loads
 from wirebond.protocol.model import End
 
 
@@ -33,6 +34,8 @@ class ServersPort:
         self._end = end
         self.port = address.text
         self.engine = AttachedLink(codec, end, address, waits)
+        welcome = self.engine.welcome
+        self.baud = codec.model.link.baud if welcome is None else welcome.baud
 
     def begin_services(self, link: AskingLink, inbox: Inbox, hello: bool, clock_sync: bool) -> AttachedServices:  # noqa: ARG002 the server does both
         """See `Owner`."""
@@ -64,6 +67,11 @@ class ServersPort:
             with contextlib.suppress(PortError, UsageError):
                 return resolve(welcome.port)
         return welcome.port
+
+    def other_protocols(self) -> list[Codec]:
+        """See `Owner`."""
+        welcome = self.engine.welcome
+        return [] if welcome is None else [Codec(loads(text)) for text in welcome.other_protocols]
 
     def recordings(self) -> ServerRecordings:
         """See `Owner`."""

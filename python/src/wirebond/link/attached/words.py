@@ -274,6 +274,7 @@ class Welcome(msgspec.Struct):
     baud: int
     role: str
     control: Control
+    other_protocols: list[str] = []  # files of other links on the same port
 
 
 class RecordingNote(msgspec.Struct, frozen=True):

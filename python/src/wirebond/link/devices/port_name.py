@@ -12,6 +12,7 @@ from wirebond.errors import PortError, UsageError
 from wirebond.link.devices.names import resolve
 
 ADAPTER_LATENCY = 0.016  # seconds that a USB adapter may hold bytes back (FTDI's default); a serial server does as well
+MAX_BAUD = 100_000_000
 
 
 @dataclass(frozen=True)
