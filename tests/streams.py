@@ -133,7 +133,7 @@ def _element(described: Field, source: random.Random) -> Any:
 
 
 class _RefusedError(Exception):
-    """A check over words refuses a payload of this size; another one is drawn."""
+    """A check over words refuses a payload of this size, or its frame would be empty; another one is drawn."""
 
 
 class Speaker:
@@ -188,7 +188,7 @@ class Speaker:
         try:
             return _engine.encode(codec.tables.protocol, table, codec.tables.indices[message.name], values, {})
         except MessageError as error:
-            if "which it refuses" in str(error):
+            if "which it refuses" in str(error) or "so is its frame" in str(error):
                 raise _RefusedError from error
             raise
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import subprocess
 from collections.abc import Iterator
@@ -13,11 +14,14 @@ import pytest
 import wirebond
 from tests.compilers import CC, CXX, SANITIZE_FOR_C
 from tests.shared import PROTOCOLS, ROOT, VECTORS
+from tests.test_device_checks import FORMATS, FRAMES
 from wirebond.generate.code import generate_c
+from wirebond.generate.code.c_names import member_name
 from wirebond.generate.code.cpp_number import integer, real, real_type
 from wirebond.generate.doc.examples import example_values
 from wirebond.protocol.loader import loads
 from wirebond.protocol.model import Field, FieldKind
+from wirebond.protocol.names import identifier
 
 pytestmark = pytest.mark.live
 
@@ -144,9 +148,9 @@ def test_names_that_are_hard_on_c_do_not_meet(tmp_path: Path) -> None:
 def leaves(fields: tuple[Field, ...], values: dict[str, Any], to: str) -> Iterator[tuple[str, str]]:
     """Every plain value below ``values``: where it lies in the C struct ``to``, and its literal."""
     for field in fields:
-        if field.kind == FieldKind.PADDING or field.is_count:
+        if field.kind == FieldKind.PADDING or field.is_count or field.constant is not None:
             continue
-        value, place = values[field.name], f"{to}{field.name}"
+        value, place = values[field.name], f"{to}{member_name(identifier(field.name))}"
         if field.is_string:
             data = value.encode() if isinstance(value, str) else value
             if field.is_variable:
@@ -180,15 +184,29 @@ def _leaf(field: Field, value: Any, place: str) -> Iterator[tuple[str, str]]:
         yield place, integer(value)
 
 
-def cases(codec: wirebond.Codec) -> list[tuple[str, str, dict[str, Any], bytes]]:
-    """Message, sender, values and frame: those of the vectors, and one more of each message, made by the engine."""
+@dataclasses.dataclass(frozen=True)
+class Case:
+    message: str
+    sender: str
+    values: dict[str, Any]
+    frame: bytes
+    header: dict[str, int] = dataclasses.field(default_factory=dict)  # where it differs from the defaults
+
+
+def cases(codec: wirebond.Codec) -> list[Case]:
+    """Those of the vectors, what devices publish, and one more of each message, made by the engine."""
     path = VECTORS / f"{codec.name}.json"
     rows = json.loads(path.read_text()) if path.exists() else []
-    found = [(row["message"], row["sender"], row["fields"], bytes.fromhex(row["hex"])) for row in rows]
+    found = [Case(row["message"], row["sender"], row["fields"], bytes.fromhex(row["hex"])) for row in rows]
+    found += [
+        Case(message, sender, values, bytes.fromhex(frame), header)
+        for file, sender, frame, message, values, header in FRAMES
+        if file == codec.name
+    ]
     for message in codec.model.messages:
         values = example_values(message)
         sender = "mcu" if message.sender == "mcu" else "host"
-        found.append((message.name, sender, values, codec.encode(message.name, values)))
+        found.append(Case(message.name, sender, values, codec.encode(message.name, values)))
     return found
 
 
@@ -197,27 +215,30 @@ def program(codec: wirebond.Codec) -> str:
     name = codec.name
     lines = [
         f'#include "{name}.h"',
+        "#include <math.h>",
         "#include <stdio.h>",
         "#include <string.h>",
         "static int calls, failures;",
         "static void expect(bool held, const char* what) { if (!held) { ++failures; puts(what); } }",
-        "static bool same(double got, double wanted) {",
-        "  const double difference = got > wanted ? got - wanted : wanted - got;",
-        "  return difference <= 1e-6 * (wanted < 0 ? -wanted : wanted);",
-        "}",
+        "#define SAME(got, wanted) (fabs((double)(got) - (wanted)) <= 1e-6 * fabs(wanted))",
     ]
-    all_cases = cases(codec)
-    for i, (message, sender, values, frame) in enumerate(all_cases):
+    all_cases, ends_by_silence = cases(codec), codec.model.format.ends_by_silence
+    for i, case in enumerate(all_cases):
+        message, sender, values, frame = case.message, case.sender, case.values, case.frame
         fields = codec.model.message(message).fields
         has_struct = any(field.kind != FieldKind.PADDING for field in fields)
         struct, encode = f"{name}_{message}_t", f"{name}_encode_{message}"
         receiver = f"{name}_from_{sender}"
         parameter = f", const {struct}* got" if has_struct else ""
+        suffix = "_with_header" if case.header else ""
+        if case.header:
+            parameter += f", const {name}_header_t* header"
         lines.append(f"static void got_{i}(void* context{parameter}) {{")
         lines.append("  ++*(int*)context;")
         for place, literal in leaves(fields, values, "got->") if has_struct else ():
-            check = f"same({place}, {literal})" if "." in literal else f"{place} == {literal}"
+            check = f"SAME({place}, {literal})" if "." in literal else f"{place} == {literal}"
             lines.append(f'  expect({check}, "{message}: {place}");')
+        lines += [f'  expect(header->{key} == {value}, "{message}: {key}");' for key, value in case.header.items()]
         lines += ["}", f"static void case_{i}(void) {{"]
         lines.append(f"  static const uint8_t wanted[] = {{{', '.join(map(str, frame))}}};")
         lines.append(f"  uint8_t out[{name.upper()}_{message.upper()}_MAX_FRAME_BYTES];")
@@ -227,6 +248,11 @@ def program(codec: wirebond.Codec) -> str:
             lines += [f"  {place} = {literal};" for place, literal in leaves(fields, values, "message.")]
             lines.append(f'  expect({name}_violations_{message}(&message) == 0, "{message}: violations");')
         argument = "&message, " if has_struct else ""
+        if case.header:
+            encode += suffix
+            argument += "&header, "
+            lines += [f"  {name}_header_t header;", f"  {name}_init_header(&header);"]
+            lines += [f"  header.{key} = {value};" for key, value in case.header.items()]
         lines += [
             f'  expect({encode}({argument}out, sizeof out, &size) == WIREBOND_OK, "{message}: encode");',
             f'  expect(size == sizeof wanted && memcmp(out, wanted, size) == 0, "{message}: bytes");',
@@ -236,9 +262,10 @@ def program(codec: wirebond.Codec) -> str:
             f"  {receiver}_handlers_t handlers = {{0}};",
             "  calls = 0;",
             "  handlers.context = &calls;",
-            f"  handlers.on_{message} = got_{i};",
+            f"  handlers.on_{message}{suffix} = got_{i};",
             f"  {receiver}_init(&receiver, &handlers);",
             f"  for (at = 0; at < sizeof wanted; ++at) {receiver}_feed(&receiver, wanted + at, 1, 1000);",
+            *([f"  {receiver}_idle(&receiver, 1000 + 2 * {name.upper()}_IDLE_US);"] if ends_by_silence else []),
             f'  expect(calls == 1, "{message}: calls");',
             f"  const wirebond_account_t account = {receiver}_account(&receiver);",
             f'  expect(account.frames == 1 && account.frame_bytes == sizeof wanted, "{message}: account");',
@@ -256,6 +283,7 @@ def program(codec: wirebond.Codec) -> str:
     [
         *(PROTOCOLS / f"{name}.yaml" for name in ("diffdrive", "enterprize", "pid_tuner", "native")),
         SHAPES,
+        *(pytest.param(FORMATS / f"{name}.yaml", marks=LONG) for name in dict.fromkeys(row[0] for row in FRAMES)),
         pytest.param(TYPES, marks=LONG),
     ],
     ids=lambda path: path.stem,
@@ -265,6 +293,8 @@ def program(codec: wirebond.Codec) -> str:
 )
 def test_every_vector_goes_through_c(path: Path, sanitize: list[str], generated: Path, tmp_path: Path) -> None:
     codec = wirebond.load(path)
+    if path.parent == FORMATS:
+        generate_c(codec.model, generated)
     source, made, built = tmp_path / "main.c", tmp_path / "api.o", tmp_path / "program"
     source.write_text(program(codec), encoding="utf-8")
     run([CXX, *CPP, *QUICK, *sanitize, f"-I{generated}", "-c", str(generated / f"{codec.name}.cpp"), "-o", str(made)])

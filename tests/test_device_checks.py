@@ -36,6 +36,16 @@ FRAMES: list[tuple[str, str, str, str, dict[str, Any], dict[str, int]]] = [
     ("vedirect_hex", "mcu", b":A0002000148\n".hex(), "update", {"register": 512, "flags": 0, "value": 1}, {}),
     ("vedirect_hex", "mcu", b":51641F9\n".hex(), "pong", {"version": 16662}, {}),
     ("gcode_line", "host", b"N3 T0*57\n".hex(), "line", {"line": 3, "command": "T0"}, {}),
+    *(  # seven digits that lie apart
+        ("bcd_counter", "mcu", frame, "count", {"all": {"number": number, "second": second, "last": last}}, {})
+        for frame, number, second, last in (
+            ("f1 f7 11 26 94 74", 1112694, 0xF7, 0x74),
+            ("f5 7c 43 24 32 a2", 5432432, 0x7C, 0xA2),
+            ("f6 dc 43 01 16 48", 6430116, 0xDC, 0x48),
+            ("f3 d8 25 48 17 e9", 3254817, 0xD8, 0xE9),
+            ("f0 ce 04 28 63 b2", 42863, 0xCE, 0xB2),
+        )
+    ),
 ]  # fmt: skip
 
 
@@ -49,21 +59,6 @@ def test_frames_are_encoded_and_decoded(
     assert message.name == name
     assert dict(message.fields) == pytest.approx(fields) if name == "feedback" else dict(message.fields) == fields
     assert codec.encode(name, fields, header=header, sender=sender) == raw
-
-
-@pytest.mark.parametrize(
-    ("frame", "number", "second", "last"),
-    [
-        ("f1 f7 11 26 94 74", 1112694, 0xF7, 0x74),
-        ("f5 7c 43 24 32 a2", 5432432, 0x7C, 0xA2),
-        ("f6 dc 43 01 16 48", 6430116, 0xDC, 0x48),
-        ("f3 d8 25 48 17 e9", 3254817, 0xD8, 0xE9),
-        ("f0 ce 04 28 63 b2", 42863, 0xCE, 0xB2),
-    ],
-)
-def test_seven_digits_of_a_counter_that_lie_apart(frame: str, number: int, second: int, last: int) -> None:
-    values = {"all": {"number": number, "second": second, "last": last}}
-    test_frames_are_encoded_and_decoded("bcd_counter", "mcu", frame, "count", values, {})
 
 
 def test_the_words_of_the_stm32_are_those_of_its_manual() -> None:

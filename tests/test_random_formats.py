@@ -20,8 +20,9 @@ from tests.conformance.fields import difference
 from tests.conformance.formats import Answer, Chunk, Job, build_formats, decode_all
 from tests.random_checks import random_check
 from tests.random_formats import random_protocol
-from tests.shared import account_closes, needs_sender
+from tests.shared import account_closes, few_or_many, needs_sender
 from tests.streams import Speaker, chunks, hard_pieces, header_bits, random_values
+from tests.test_device_checks import FORMATS, FRAMES
 from wirebond import Codec, Message, MessageError, ProtocolFileError, Stats, _engine
 from wirebond.link.settings import engine_settings
 from wirebond.protocol import loads
@@ -335,6 +336,18 @@ def test_three_decoders_agree_on_random_checks(tmp_path: Path) -> None:
 def test_three_decoders_agree_on_a_thousand_messages_of_a_hundred_random_checks(tmp_path: Path) -> None:
     for first in (0, BATCH):
         verify_formats([drawn_check(seed) for seed in range(first, first + BATCH)], 1000, tmp_path, tmp_path)
+
+
+def devices() -> list[Drawn]:
+    """The files of devices whose checks are combinations."""
+    texts = [(FORMATS / f"{name}.yaml").read_text("utf-8") for name in dict.fromkeys(row[0] for row in FRAMES)]
+    return [Drawn(seed, text, Codec(loads(text))) for seed, text in enumerate(texts)]
+
+
+@few_or_many(100, 10_000)
+def test_three_decoders_agree_on_messages_of_devices(number: int, tmp_path: Path) -> None:
+    """Both ways, among noise, cut and damaged."""
+    verify_formats(devices(), number, tmp_path, BUILD)
 
 
 @pytest.mark.long

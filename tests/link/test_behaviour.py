@@ -325,8 +325,9 @@ def test_what_waits_expires_when_the_port_goes_away(make: Make) -> None:
 
 def test_a_lease_that_ends_while_the_port_is_away_sends_its_safe_value_when_it_is_back(make: Make) -> None:
     link = make()
-    link.repeat("drive", hold=0.05, **FULL_SPEED)
+    link.repeat("drive", hold=60, **FULL_SPEED)
     link.unplug()
+    link.repeat("drive", hold=0.05, **FULL_SPEED)
     link.run(0.2)
     link.plug()
     link.run_until(lambda: len(link.messages()) >= 1, "the port works again")

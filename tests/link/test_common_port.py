@@ -253,6 +253,7 @@ def test_a_server_for_each_file(pty: PtyPort, tmp_path: Path, monkeypatch: pytes
     [
         (["--name", "gps"], "--name is for one protocol file, and there are 2"),
         (["--record", "run.mcap"], r"--record is for one .* run `wirebond record"),
+        (["--tcp", "127.0.0.1:65535", "--seconds", "1"], "no port follows it for the next"),
         (["--ros2"], "--ros2 is for one"),
         (["--mapping", "topics.yaml"], "--mapping is for one"),
     ],

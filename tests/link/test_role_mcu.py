@@ -142,7 +142,8 @@ def test_what_is_held_from_the_start_waits_for_recover_and_the_stop_acts_at_once
         wait_until(lambda: ("grip", None) in heard, "a message without a deadline")
         pty.write(held.encode("drive", speed=0.1, mode="idle") + held.encode("drive", speed=0.1, mode="manual"))
         wait_until(lambda: heard[-1] == ("drive", pytest.approx(0.1)), "the stop")
-        wait_until(lambda: mcu.stats.held_back == 2, "the two that are none")
+        # A command may also be late: as old as its deadline when it was read, because the machine is slow.
+        wait_until(lambda: mcu.stats.held_back + mcu.stats.late == 2, "the two that are none")
         assert len(heard) == 2
         mcu.recover("safe_mode")
         pty.write(held.encode("drive", speed=0.25, mode="manual"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
@@ -134,24 +135,32 @@ def _serve(
 def _refuse_for_several(given: Serving, codecs: Sequence[Codec]) -> None:
     """What one link alone can have."""
     names = [codec.name for codec in codecs]
-    if len(set(names)) < len(names):
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
         raise UsageError(
-            f"two of the files are of the protocol {names[0]}; programs attach by its name: give one of them"
+            f"two of the files are of the protocol {twice[0]}; programs attach by its name: give one of them"
         )
     for is_given, option, instead in (
         (given.name is not None, "--name", f"programs attach by the names of the protocols: {', '.join(names)}"),
-        (given.record is not None, "--record", f"run `wirebond record {SCHEME}{names[0]}` beside it, for each of them"),
-        (given.ros2, "--ros2", f"give a bridge of its own {SCHEME}{names[0]} as its port"),
-        (given.mapping is not None, "--mapping", f"give a bridge of its own {SCHEME}{names[0]} as its port"),
+        (given.record is not None, "--record", f"run `wirebond record {given.paths[0]} {SCHEME}{names[0]}` beside it"),
+        (given.ros2, "--ros2", f"start the bridge by itself, at the port {SCHEME}{names[0]}"),
+        (given.mapping is not None, "--mapping", f"start the bridge by itself, at the port {SCHEME}{names[0]}"),
     ):
         if is_given:
             raise UsageError(f"{option} is for one protocol file, and there are {len(names)}; {instead}")
 
 
 def _behind(address: tuple[str, int] | None, number: int) -> tuple[str, int] | None:
-    """The address of the link with this number: each has the port behind that of the one before."""
+    """The address of the link with this number: each has the port behind that of the one before.
+
+    :raises UsageError: there is none.
+    """
     if address is None or address[1] == 0:
         return address
+    if address[1] + number > 65535:
+        raise UsageError(
+            f"the port {address[1]} is for the first file, and no port follows it for the next; give another"
+        )
     return address[0], address[1] + number
 
 
