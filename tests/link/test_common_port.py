@@ -154,7 +154,7 @@ def test_all_come_back_when_the_port_does(tmp_path: Path) -> None:
         wait_until(lambda: "down" not in (ubx.state, nmea.state), "both are back")
         second.write(position(1) + sentence(2))
         assert [m.name for m in take(ubx, 1) + take(nmea, 1)] == ["nav_posllh", "sentence"]
-    wirebond.open(UBX, name).close()  # nobody has it any more
+    wirebond.open(UBX, name).close()  # the port is free again
     second.close()
 
 
@@ -310,7 +310,7 @@ def test_a_forked_child_makes_one_of_its_own(pty: PtyPort) -> None:
         assert len(take(ubx, 1)) == 1
 
 
-# ---- a port that does what it is told
+# ---- with a scripted port
 
 
 class ScriptedPort:

@@ -57,7 +57,7 @@ test("marks that lie too close are one, at the heaviest, and none covers another
   ]);
 });
 
-test("a group is told by its heaviest marks first, and a mark goes to a group within reach", () => {
+test("a group names its heaviest marks first, and a mark joins a group that is close enough", () => {
   const marks = [event(1.0, "mark"), event(1.1, "deadline_struck"), event(1.2, "port_down"), event(2.3, "mark")];
   const groups = grouped(marks, 0, 10, 1);
   expect(groups.map((group) => group.marks.map((mark) => mark.t))).toEqual([[1.2, 1.1, 1.0], [2.3]]);

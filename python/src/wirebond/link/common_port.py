@@ -104,7 +104,8 @@ class CommonPort:
 
 
 def _open(last: _Opened | None, settings: LineSettings, make: Callable[[], PythonOpener]) -> _Opened:
-    """The port anew. A device that failed is missed; one that all links gave back may be another one's now."""
+    """Open the port again. After a failure the same opener looks for the same device. Once all links have closed the
+    port, its name may lead to another device."""
     if last is None:
         return _Opened(make(), settings)
     last.wait_until_closed()
