@@ -69,7 +69,13 @@ class CommonPort:
             return tuple(self._codecs)
 
     def opener(self, codec: Codec, settings: LineSettings, root: Path) -> PortOpener:
-        """What one link opens it with. ``root``: where the system's ``sys`` is."""
+        """What one link opens the port with. Called by the link itself. Any thread.
+
+        :param codec: the link's protocol.
+        :param settings: of the line, as the link needs them.
+        :param root: where the system's ``sys`` is.
+        :returns: what opens the port for this link, again and again.
+        """
         with self._lock:
             self._baud = self._baud or settings.baud
             if codec.hash not in {known.hash for known in self._codecs}:
@@ -77,10 +83,12 @@ class CommonPort:
         return _Opener(self, settings, lambda: PythonOpener(self._name, settings, _WAIT, root))
 
     def open(self, settings: LineSettings, make: Callable[[], PythonOpener]) -> tuple[PythonPort, PythonOpener]:
-        """What one link reads and writes. The port is opened unless another link has it open.
+        """What one link reads and writes. The port is opened unless another link has it open. Called by what
+        ``opener`` returns. Any thread.
 
-        :param make: makes what opens it.
-        :returns: and what opened it.
+        :param settings: of the line, as the link needs them.
+        :param make: makes what opens the port, where no link has opened it yet.
+        :returns: the port of this link, and what opened it.
         :raises PortError: the port cannot be opened, or is open with other settings.
         """
         if os.getpid() != self._process:

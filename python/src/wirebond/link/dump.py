@@ -75,7 +75,12 @@ class Dump:
         self.dropped_bytes = dropped_bytes
 
     def with_pieces(self, pieces: Sequence[Piece], dropped_bytes: int) -> Dump:
-        """The same of other bytes."""
+        """The same link with other bytes.
+
+        :param pieces: reads and writes in their order, as in ``pieces``.
+        :param dropped_bytes: older bytes that are not in ``pieces``.
+        :returns: another dump; this one does not change.
+        """
         return Dump(self.codec, self.t, pieces, dropped_bytes, self.role, self.other_protocols)
 
     @property
