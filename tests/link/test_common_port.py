@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import gc
 import os
 import random
 import re
@@ -27,6 +28,7 @@ from tests.waiting import PATIENCE, let_pass, moments, wait_until
 from wirebond import CommonPort, PortError, UsageError
 from wirebond.cli.main import main
 from wirebond.link import python_ports
+from wirebond.link.common_port import opener_of
 from wirebond.link.python_ports import LineSettings
 from wirebond.protocol import loads
 from wirebond.sim.pty_port import PtyPort
@@ -320,12 +322,17 @@ class ScriptedPort:
         self.comes: list[bytes] = []
         self.writes = 0
         self.failure: OSError | None = None
+        self.gone = threading.Event()  # reads fail
         self.may_write = threading.Event()
+        self.may_cancel = threading.Event()  # the first cancel comes to its end
+        self.may_cancel.set()
         self.is_closed = False
 
     def read(self) -> tuple[bytes, float]:
         assert not self.is_closed
         let_pass(0.001)
+        if self.gone.is_set():
+            raise OSError(errno.EIO, "Input/output error")
         return (self.comes.pop(0) if self.comes else b""), time.monotonic()
 
     def write(self, data: bytes) -> int:
@@ -340,7 +347,11 @@ class ScriptedPort:
         return 0
 
     def cancel(self) -> None:
-        self.may_write.set()
+        assert not self.is_closed
+        if not self.may_write.is_set():
+            self.may_write.set()
+            assert self.may_cancel.wait(PATIENCE)
+        assert not self.is_closed
 
     def close(self) -> None:
         self.is_closed = True
@@ -360,7 +371,7 @@ def scripted(monkeypatch: pytest.MonkeyPatch) -> Callable[[], Any]:
 
     monkeypatch.setattr(python_ports.PythonOpener, "open", open_one)
     port, settings = CommonPort("/dev/none"), LineSettings(9600, 8, "none", 1)
-    make = port.opener(UBX, settings, Path("/")).open
+    make = opener_of(port, UBX, settings, Path("/")).open
     return lambda: (make(), opened)
 
 
@@ -418,3 +429,46 @@ def test_a_cancelled_write_ends_while_another_links_is_under_way(scripted: Calla
     assert results == [0, 3]
     second.close()
     first.close()
+
+
+def test_it_is_not_closed_while_a_thread_cancels_it(scripted: Callable[[], Any]) -> None:
+    branch, opened = scripted()
+    port = opened[0]
+    port.may_cancel.clear()
+    results: list[int] = []
+    writer = threading.Thread(target=lambda: results.append(branch.write(b"abc")))
+    writer.start()
+    wait_until(lambda: port.writes == 1, "it writes")
+    canceller = threading.Thread(target=branch.cancel)
+    canceller.start()
+    writer.join(PATIENCE)
+    assert results == [3]
+    port.gone.set()
+    let_pass(0.05)
+    assert not port.is_closed
+    port.may_cancel.set()
+    canceller.join(PATIENCE)
+    wait_until(lambda: port.is_closed, "the end of the port")
+    branch.close()
+
+
+def test_a_link_that_the_reader_of_the_port_collects_as_garbage_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    collects = threading.Event()
+
+    class Collecting(ScriptedPort):
+        def read(self) -> tuple[bytes, float]:
+            if collects.is_set():
+                gc.collect()
+            return super().read()
+
+    scripted = Collecting()
+    monkeypatch.setattr(python_ports.PythonOpener, "open", lambda _: scripted)
+    link = wirebond.open(UBX, CommonPort("/dev/none"))
+    link.me = link  # type: ignore[attr-defined]
+    gc.disable()
+    try:
+        del link
+        collects.set()
+        wait_until(lambda: scripted.is_closed, "the end of the port")
+    finally:
+        gc.enable()

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import gc
 import json
+import sys
 import threading
+from typing import Any
 
 import pytest
 
@@ -13,6 +15,7 @@ from tests.shared import PROTOCOLS
 from tests.waiting import PATIENCE, wait_until
 from wirebond.cli.main import main
 from wirebond.errors import UsageError
+from wirebond.sim.pty_port import run
 
 pytestmark = pytest.mark.live
 
@@ -40,6 +43,30 @@ def test_a_link_that_is_forgotten_takes_its_virtual_mcu_along() -> None:
     assert link.state != "down"
     del link
     wait_until(lambda: gc.collect() is not None and simulations() == before, "the virtual MCU ends")
+
+
+def test_a_link_that_the_thread_of_its_virtual_mcu_collects_ends_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    collects = threading.Event()
+    failures: list[object] = []
+
+    def run_and_collect(*arguments: Any) -> None:
+        run(*arguments)
+        if collects.is_set():
+            gc.collect()
+
+    monkeypatch.setattr("wirebond.sim.port.run", run_and_collect)
+    monkeypatch.setattr(sys, "unraisablehook", failures.append)
+    before = simulations()
+    link = wirebond.open(FILE, "sim:")
+    link.me = link  # type: ignore[attr-defined]
+    gc.disable()
+    try:
+        del link
+        collects.set()
+        wait_until(lambda: simulations() == before, "the virtual MCU ends")
+    finally:
+        gc.enable()
+    assert not failures
 
 
 def test_a_virtual_mcu_is_no_host() -> None:

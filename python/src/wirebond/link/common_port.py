@@ -13,8 +13,8 @@ from typing import Any
 from wirebond.arguments import path, whole
 from wirebond.codec import Codec
 from wirebond.errors import PortError, UsageError
-from wirebond.link.devices.port_name import MAX_BAUD, port_name
-from wirebond.link.python_ports import LineSettings, PortOpener, PythonOpener, PythonPort
+from wirebond.link.devices.port_name import MAX_BAUD, PortName, port_name
+from wirebond.link.python_ports import LineSettings, PortOpener, PortThread, PythonOpener, PythonPort
 
 _WAIT = 0.01  # seconds that a read waits
 _MOST_PENDING = 1 << 16  # bytes that came and that a link has not taken; more stay with the system
@@ -46,11 +46,8 @@ class CommonPort:
         self._name = port_name(text)
         if self._name.recording or text == "sim:":
             raise UsageError(f"{text} carries one protocol; open it by its name, for one link")
-        self._baud = None if baud is None else whole("baud", baud, 1, MAX_BAUD, "bits per second")
-        self._process = os.getpid()
-        self._lock = threading.Lock()
-        self._opened: _Opened | None = None  # the last one
-        self._codecs: list[Codec] = []
+        given = None if baud is None else whole("baud", baud, 1, MAX_BAUD, "bits per second")
+        self._line = _Line(self._name, given)
 
     @property
     def name(self) -> str:
@@ -60,41 +57,54 @@ class CommonPort:
     @property
     def baud(self) -> int | None:
         """Bits per second; None: the first link that opens it decides."""
-        return self._baud
+        return self._line.baud
 
     @property
     def codecs(self) -> tuple[Codec, ...]:
         """The protocols of all links that opened it."""
-        with self._lock:
-            return tuple(self._codecs)
+        return self._line.codecs
 
-    def opener(self, codec: Codec, settings: LineSettings, root: Path) -> PortOpener:
-        """What one link opens the port with. Called by the link itself. Any thread.
 
-        :param codec: the link's protocol.
-        :param settings: of the line, as the link needs them.
-        :param root: where the system's ``sys`` is.
-        :returns: what opens the port for this link, again and again.
-        """
+def opener_of(port: CommonPort, codec: Codec, settings: LineSettings, root: Path) -> PortOpener:
+    """What one link opens a common port with, again and again. Any thread.
+
+    :param codec: the link's protocol.
+    :param settings: of the line, as the link needs them.
+    :param root: where the system's ``sys`` is.
+    """
+    line = port._line
+    line.add(codec, settings)
+    return _Opener(line, settings, lambda: PythonOpener(line.name, settings, _WAIT, root))
+
+
+class _Line:
+    """What the links of a common port have in common."""
+
+    def __init__(self, name: PortName, baud: int | None) -> None:
+        self.name = name
+        self.baud = baud
+        self._process = os.getpid()
+        self._lock = threading.Lock()
+        self._opened: _Opened | None = None  # the last one
+        self.codecs: tuple[Codec, ...] = ()
+
+    def add(self, codec: Codec, settings: LineSettings) -> None:
+        """One more link."""
         with self._lock:
-            self._baud = self._baud or settings.baud
-            if codec.hash not in {known.hash for known in self._codecs}:
-                self._codecs.append(codec)
-        return _Opener(self, settings, lambda: PythonOpener(self._name, settings, _WAIT, root))
+            self.baud = self.baud or settings.baud
+            if codec.hash not in {known.hash for known in self.codecs}:
+                self.codecs = (*self.codecs, codec)
 
     def open(self, settings: LineSettings, make: Callable[[], PythonOpener]) -> tuple[PythonPort, PythonOpener]:
-        """What one link reads and writes. The port is opened unless another link has it open. Called by what
-        ``opener`` returns. Any thread.
+        """The port of one link, and what opened it. It is opened unless another link has it open.
 
-        :param settings: of the line, as the link needs them.
         :param make: makes what opens the port, where no link has opened it yet.
-        :returns: the port of this link, and what opened it.
         :raises PortError: the port cannot be opened, or is open with other settings.
         """
         if os.getpid() != self._process:
             raise PortError(
-                f"{self.name} belongs to the process that made its CommonPort, and this one is its fork; make another "
-                "CommonPort here"
+                f"{self.name.text} belongs to the process that made its CommonPort, and this one is its fork; make "
+                "another CommonPort here"
             )
         with self._lock:
             opened = self._opened
@@ -105,8 +115,8 @@ class CommonPort:
             elif settings != opened.settings:
                 branch.close()
                 raise PortError(
-                    f"{self.name} is open for another link, at {opened.settings}, and this one asks for {settings}; "
-                    "leave out its baud rate, or give both protocol files the same `link`"
+                    f"{self.name.text} is open for another link, at {opened.settings}, and this one asks for "
+                    f"{settings}; leave out its baud rate, or give both protocol files the same `link`"
                 )
             return branch, opened.opener
 
@@ -123,8 +133,8 @@ def _open(last: _Opened | None, settings: LineSettings, make: Callable[[], Pytho
 class _Opener:
     """See `PortOpener`."""
 
-    def __init__(self, common: CommonPort, settings: LineSettings, make: Callable[[], PythonOpener]) -> None:
-        self._common = common
+    def __init__(self, line: _Line, settings: LineSettings, make: Callable[[], PythonOpener]) -> None:
+        self._line = line
         self._settings = settings
         self._make = make
         self._last = make()  # that opened the port
@@ -132,7 +142,7 @@ class _Opener:
 
     def open(self) -> PythonPort:
         """See `PortOpener`."""
-        port, self._last = self._common.open(self._settings, self._make)
+        port, self._last = self._line.open(self._settings, self._make)
         self.line = self._last.line
         return port
 
@@ -162,19 +172,21 @@ class _Opened:
         self.first = _Branch(self)
         self._branches = [self.first]
         self._writer: _Branch | None = None
+        self._cancelling = 0  # threads that cancel the port
+        self._is_closing = False  # no one cancels it any more
         self._failure: OSError | None = None
         self._is_over = False
         self._is_closed = False
         self._is_left = False
-        self._reader = threading.Thread(target=self._read, name="reader of a common port", daemon=True)
+        self._reader = PortThread(target=self._read, name="reader of a common port", daemon=True)
         self._reader.start()
 
     def branch(self) -> _Branch | None:
         """One more; None: the port is at its end."""
+        branch = _Branch(self)  # without the lock: it may collect a link as garbage, whose end waits for others
         with self._changed:
             if self._is_over:
                 return None
-            branch = _Branch(self)
             self._branches.append(branch)
             return branch
 
@@ -192,9 +204,10 @@ class _Opened:
             failure = error
         with self._changed:
             self._end(failure)
-        self._port.cancel()  # a write that waits
+        self._cancel()  # a write that waits
         with self._changed:
-            self._changed.wait_for(lambda: self._writer is None)
+            self._changed.wait_for(lambda: self._writer is None and not self._cancelling)
+            self._is_closing = True
         self._port.close()
         with self._changed:
             self._is_closed = True
@@ -278,7 +291,7 @@ class _Opened:
             self._changed.notify_all()
             is_writing = self._writer is branch
         if is_writing:
-            self._port.cancel()
+            self._cancel()
 
     def close(self, branch: _Branch) -> None:
         with self._changed:
@@ -288,8 +301,21 @@ class _Opened:
             self._changed.notify_all()
             if self._branches:
                 return
-        self._port.cancel()
+        self._cancel()
         self._reader.join()
+
+    def _cancel(self) -> None:
+        """Unless the port is closed, or will be at once."""
+        with self._changed:
+            if self._is_closing:
+                return
+            self._cancelling += 1
+        try:
+            self._port.cancel()
+        finally:
+            with self._changed:
+                self._cancelling -= 1
+                self._changed.notify_all()
 
     def leave_to_parent(self) -> None:
         """In a forked child, which has neither the threads nor the locks."""

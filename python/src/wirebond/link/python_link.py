@@ -20,7 +20,7 @@ from wirebond.codec import Message
 from wirebond.errors import LinkDownError, PortError
 from wirebond.link.attention import Attention
 from wirebond.link.engine_settings import EngineSettings, SafeValue
-from wirebond.link.python_ports import PortOpener, PythonPort
+from wirebond.link.python_ports import PortOpener, PortThread, PythonPort
 
 # As those of the engine's link: how long after a port went away, or could not be opened, it is tried again.
 _FIRST_OPEN_WAIT = 0.02
@@ -90,7 +90,7 @@ class PythonLink:
                 raise
             self._why = str(error)
             self._look_again(time.monotonic())
-        self._supervisor = threading.Thread(target=self._run, name="port of a link", daemon=True)
+        self._supervisor = PortThread(target=self._run, name="port of a link", daemon=True)
         self._supervisor.start()
 
     # ---- what programs call
@@ -262,8 +262,8 @@ class PythonLink:
         if os.getpid() != self._process:
             return
         self.begin_close()
-        if threading.current_thread() in (self._supervisor, self._reader):
-            return  # it collects garbage, and ends behind this
+        if isinstance(threading.current_thread(), PortThread):
+            return  # it collects garbage; the link ends behind this
         with self._lock:
             while not self._is_done and (left := self._close_by + 0.1 - time.monotonic()) > 0:
                 self._arrived.wait(left)
@@ -302,7 +302,7 @@ class PythonLink:
         self._why = ""
         self._up_since = time.monotonic()
         self._core.port_up(self._clock())
-        self._reader = threading.Thread(target=self._read, args=(port,), name="reader of a link", daemon=True)
+        self._reader = PortThread(target=self._read, args=(port,), name="reader of a link", daemon=True)
         self._reader.start()
 
     def _go_down(self, port: PythonPort, error: OSError | None) -> None:
@@ -442,7 +442,7 @@ class PythonLink:
         if now < self._next_open:
             return
         self._seen = self._opener.appearance()  # before the look: what appears during it is seen by the next one
-        self._opening = threading.Thread(target=self._open, name="opener of a link", daemon=True)
+        self._opening = PortThread(target=self._open, name="opener of a link", daemon=True)
         self._opening.start()
 
     def _open(self) -> None:

@@ -11,6 +11,7 @@ import socket
 import stat
 import struct
 import sys
+import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,6 +46,11 @@ class LineSettings:
 
     def __str__(self) -> str:
         return f"{self.baud} baud, {self.data_bits} data bits, parity {self.parity}, {self.stop_bits} stop bits"
+
+
+class PortThread(threading.Thread):
+    """Serves a port. Where it collects a link as garbage, the end of that link must not wait: it may wait for this
+    thread."""
 
 
 class PythonPort(Protocol):

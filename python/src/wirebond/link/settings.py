@@ -11,7 +11,7 @@ from wirebond import _engine
 from wirebond.arguments import real
 from wirebond.codec import Codec
 from wirebond.errors import UsageError
-from wirebond.link.common_port import CommonPort
+from wirebond.link.common_port import CommonPort, opener_of
 from wirebond.link.devices.port_name import ADAPTER_LATENCY, PortName
 from wirebond.link.ends import actions_at, other, own_address_field
 from wirebond.link.engine_settings import (
@@ -62,7 +62,7 @@ def open_engine(
                 f"silence ends the frames of {codec.name}, and another link's frames on {port.text} would fill it; "
                 "open the port for this protocol alone"
             )
-        return PythonLink(protocol, receive, common.opener(codec, line, ROOT), settings, waits)
+        return PythonLink(protocol, receive, opener_of(common, codec, line, ROOT), settings, waits)
     if HAS_ENGINE_PORTS and not port.is_rfc2217:
         return _engine.Link(protocol, receive, engine_port(port, waits), settings)
     silence = settings.pause_seconds or _LONGEST_READ  # that ends a frame

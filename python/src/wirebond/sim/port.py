@@ -29,14 +29,14 @@ class SimulatedPort:
         self._thread.start()
 
     def _serve(self, mcu: VirtualMcu) -> None:
-        while not self._ends.is_set():
-            run(mcu, self._pty, time.monotonic() + _TURN, lambda event: _logger.info("sim: %s", event))
+        try:
+            while not self._ends.is_set():
+                run(mcu, self._pty, time.monotonic() + _TURN, lambda event: _logger.info("sim: %s", event))
+        finally:
+            self._pty.close()
 
     def close(self) -> None:
-        """A second call does nothing. Any thread."""
-        if self._ends.is_set():
-            return
+        """A second call does nothing. Any thread, its own as well, where that collects the link as garbage."""
         self._ends.set()
-        self._thread.join(timeout=1.0)
-        if not self._thread.is_alive():  # else it still uses the pty, which goes with the process
-            self._pty.close()
+        if threading.current_thread() is not self._thread:
+            self._thread.join(timeout=1.0)

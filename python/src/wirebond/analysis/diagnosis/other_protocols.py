@@ -16,6 +16,8 @@ def own_entries(entries: Sequence[DumpEntry], others: Sequence[Codec], sender: E
     :param entries: all that was received, in the order of the line.
     :param sender: who sends it.
     """
+    if not others:
+        return list(entries)
     is_others = bytearray(sum(len(entry.bytes) for entry in entries))
     data = b"".join(entry.bytes for entry in entries)
     for codec in others:

@@ -32,7 +32,7 @@ from wirebond.errors import (
 from wirebond.link.attached import words
 from wirebond.link.attached.address import ServerAddress
 from wirebond.link.attached.attached_requests import TAKEN, AttachedRequests
-from wirebond.link.attached.attaching import LOOPBACK, PATIENCE, attach, name_of_program
+from wirebond.link.attached.attaching import LOOKS, LOOPBACK, PATIENCE, attach, comes, name_of_program
 from wirebond.link.attached.words import Control, Welcome
 from wirebond.link.attention import Attention
 from wirebond.link.clock_line import ClockLine
@@ -41,7 +41,6 @@ from wirebond.link.engine_settings import SafeValue
 from wirebond.protocol.model import End
 
 _DISK_PATIENCE = 30.0  # the same, where it waits for its disk
-_LOOKS = 8  # for an answer, in that time
 _FIRST_WAIT, _LAST_WAIT = 0.02, 1.0  # seconds before it is tried again to connect
 _MOST_WAITING = 65536  # messages that the program has not taken; then the oldest are dropped, counted
 _DOWN, _FULL, _STOPPED = 1, 2, 3  # answers of the engine
@@ -376,7 +375,7 @@ class AttachedLink:
             return
         self.begin_close()
         if threading.current_thread() is not self._thread and self._socket is not None:
-            _comes(self._leaves, PATIENCE)
+            comes(self._leaves, PATIENCE)
             with contextlib.suppress(WirebondError):
                 self._last_stats = self._call(words.Ask(what="stats"))
                 self._last_taken = {tap: self._call(words.TakeTap(tap=tap)) for tap in self._taps}
@@ -429,9 +428,9 @@ class AttachedLink:
                 self._calls[request.id] = calls[-1]
         try:
             self._write_all(requests)
-            looks = _LOOKS
+            looks = LOOKS
             for call in calls:
-                while looks and not call.done.wait(PATIENCE / _LOOKS):
+                while looks and not call.done.wait(PATIENCE / LOOKS):
                     looks -= 1
         except LinkDownError:
             pass  # calls without an answer say so
@@ -481,7 +480,7 @@ class AttachedLink:
             self._calls[request.id] = call
         try:
             self._write(request)
-            if not _comes(call.done, patience):
+            if not comes(call.done, patience):
                 raise LinkDownError(f"{self._address.text} did not answer within {patience:g} s; look at the server")
         finally:
             with self._lock:
@@ -670,12 +669,6 @@ class AttachedLink:
             call.done.set()
         if said.get("ok") == "left":
             self._leaves.set()
-
-
-def _comes(event: threading.Event, seconds: float) -> bool:
-    """Waits so long for it. Time in which this process stood still counts as one look: the answer may have come
-    meanwhile, and the thread that reads it has had no time."""
-    return any(event.wait(seconds / _LOOKS) for _ in range(_LOOKS))
 
 
 def _is_readable(connection: socket.socket, seconds: float) -> bool:

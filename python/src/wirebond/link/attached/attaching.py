@@ -6,6 +6,7 @@ import contextlib
 import os
 import socket
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextvars import ContextVar
@@ -23,7 +24,7 @@ from wirebond.protocol.loader import loads
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 PATIENCE = 2.0  # seconds that the server has for an answer
-
+LOOKS = 8  # for an answer, in that time
 
 _program: ContextVar[str] = ContextVar("program", default="")
 
@@ -43,6 +44,12 @@ def name_of_program() -> str:
     """The name by which a link that is opened now is known to other clients of the server."""
     name = _program.get() or os.path.basename(sys.argv[0] or "python")  # noqa: PTH119 may be no path
     return f"{name} ({os.getpid()})"
+
+
+def comes(event: threading.Event, seconds: float) -> bool:
+    """Wait so long for it. Time in which this process stood still counts as one look: the answer may have come
+    meanwhile, and the thread that reads it has had no time."""
+    return any(event.wait(seconds / LOOKS) for _ in range(LOOKS))
 
 
 class Accepted(msgspec.Struct):
