@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -89,6 +91,32 @@ def test_ctrl_c_at_any_time_ends_monitor_without_a_traceback(delay: float, tmp_p
     assert "Traceback" not in errors
     assert process.returncode in (0, 130)
     assert (process.returncode == 0) == ("0 bytes: 0 frames" in errors), "a normal end has its account"
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_ctrl_c_in_the_middle_of_a_picture_leaves_it_whole(unbuffered: str) -> None:
+    leader, follower = os.openpty()
+    environment = {**os.environ, "TERM": "xterm-256color", "PYTHONUNBUFFERED": unbuffered}
+    process = subprocess.Popen([COMMAND, "monitor", FILE, "sim:"], stdout=follower, stderr=follower, env=environment)
+    os.close(follower)
+    out = b""
+    while "╯".encode() not in out:
+        out += os.read(leader, 65536)
+    written, looks = 0, 0
+    for _ in moments("a picture for which the terminal has no room"):
+        now = int(re.findall(r"wchar: (\d+)", Path(f"/proc/{process.pid}/task/{process.pid}/io").read_text())[0])
+        written, looks = now, looks + 1 if now == written else 0
+        if looks == 10:
+            break
+        let_pass(0.05)
+    process.send_signal(signal.SIGINT)
+    with contextlib.suppress(OSError):  # the other end is closed
+        while chunk := os.read(leader, 65536):
+            out += chunk
+    os.close(leader)
+    assert process.wait(PATIENCE) == 0
+    text = out.decode()
+    assert text.count("╭") == text.count("╯") > 1
 
 
 NATIVE = str(PROTOCOLS / "native.yaml")

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tests.runner.kinds import timed_files
-from tests.runner.results import Result, read_results, write_results
+from tests.runner.results import Result, of_last_run, read_results, write_results
 
 ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT / "build" / "test-results.json"
@@ -96,6 +96,8 @@ def show(title: str, names: list[str]) -> None:
 
 def run(workers: int, with_long: bool, is_strict: bool) -> int:
     began = time.monotonic()
+    if FILE.exists():
+        FILE.replace(of_last_run(FILE))
     compile_once()
     short = "" if with_long else " and not long"
     patience = ("-o", f"faulthandler_timeout={LONGEST_PROOF}") if with_long else ()

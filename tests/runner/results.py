@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -48,13 +49,43 @@ def write_results(path: Path, results: list[Result]) -> None:
     path.write_text(json.dumps([asdict(one) for one in results]))
 
 
+def of_last_run(path: Path) -> Path:
+    """Where the runner keeps the results of the run before."""
+    return path.with_suffix(".before.json")
+
+
+class TimeLeft:
+    """Estimates how long a run takes from here: by what each test took in the last run, else by the number of tests.
+
+    :param before: results of the last run; empty: it is not known.
+    """
+
+    def __init__(self, before: list[Result]) -> None:
+        self._usual = {one.name: one.seconds for one in before}
+        self._each = sum(self._usual.values()) / len(before) if before else 1.0  # for tests that are new
+
+    def says(self, finished: Iterable[str], every: Iterable[str], elapsed: float) -> str:
+        """:param finished: names of tests, as well as ``every``.
+        :param elapsed: seconds that the finished ones took, however many ran at once.
+        """
+        done = sum(self._usual.get(name, self._each) for name in finished)
+        if done == 0.0:
+            return "it is not known yet how long the rest takes"
+        left = elapsed / done * (sum(self._usual.get(name, self._each) for name in every) - done)
+        return f"about {max(left, 0.0):.0f} s left" + ("" if self._usual else " if all tests were alike")
+
+
 class Watch:
     """Of the process that collects all results."""
 
     def __init__(self, path: Path, terminal: Any) -> None:
         self._path, self._terminal = path, terminal
+        before = of_last_run(path)
+        self._left = TimeLeft(read_results(before) if before.exists() else [])
         self._tests: dict[str, Result] = {}
-        self._finished = self._failed = self._total = 0
+        self._every: list[str] = []
+        self._finished: list[str] = []
+        self._failed = 0
         self._began = self._told = 0.0
 
     def pytest_runtest_logstart(self) -> None:
@@ -62,10 +93,10 @@ class Watch:
             self._began = self._told = time.monotonic()
 
     def pytest_collection_finish(self, session: pytest.Session) -> None:
-        self._total = len(session.items)
+        self._every = [item.nodeid for item in session.items]
 
     def pytest_xdist_node_collection_finished(self, ids: list[str]) -> None:
-        self._total = len(ids)
+        self._every = ids
 
     def pytest_report_teststatus(self, report: Any) -> tuple[str, str, str] | None:
         """No letters: the lines of progress say more."""
@@ -77,7 +108,7 @@ class Watch:
         if report.failed:
             self._tell(f"FAILED {report.nodeid}")
         if report.when == "teardown":
-            self._finished += 1
+            self._finished.append(report.nodeid)
             self._failed += not result.has_passed
             if time.monotonic() - self._told >= EVERY:
                 self._tell_progress()
@@ -87,10 +118,10 @@ class Watch:
 
     def _tell_progress(self) -> None:
         self._told = now = time.monotonic()
-        left = (now - self._began) / self._finished * (self._total - self._finished)
+        left = self._left.says(self._finished, self._every, now - self._began)
         failed = f", {self._failed} failed" if self._failed else ""
-        share = 100 * self._finished // max(self._total, 1)
-        self._tell(f"{share:3d} %: {self._finished} of {self._total}{failed}; about {left:.0f} s left")
+        count, total = len(self._finished), len(self._every)
+        self._tell(f"{100 * count // max(total, 1):3d} %: {count} of {total}{failed}; {left}")
 
     def _tell(self, line: str) -> None:
         self._terminal.ensure_newline()
