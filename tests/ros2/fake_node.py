@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
+from tests import processes
 from tests.waiting import PATIENCE
 from wirebond.ros2.cdr import decode, encode
 from wirebond.ros2.failure import Failure
@@ -123,5 +124,9 @@ class FakeNode:
         """Until this is true; what it gave."""
         with self.changed:
             found = self.changed.wait_for(what, timeout=PATIENCE)
-        assert found, ({topic: len(messages) for topic, messages in self.published.items()}, self.lines)
+        if not found:
+            published = {topic: len(messages) for topic, messages in self.published.items()}
+            error = AssertionError(f"waited {PATIENCE:g} s in vain; published {published}, logged {self.lines}")
+            error.add_note(processes.account())
+            raise error
         return found

@@ -18,6 +18,7 @@ from tests.ros2.over_rclpy import rclpy_environment
 from tests.shared import PROTOCOLS
 from tests.waiting import PATIENCE
 from wirebond.errors import ParameterError
+from wirebond.link.parameters import Parameters
 from wirebond.ros2.bridge import Bridge
 from wirebond.ros2.mapping import default_mapping
 from wirebond.sim.pty_port import PtyPort
@@ -83,10 +84,9 @@ def axis() -> Iterator[Axis]:
 def test_parameters_are_read_set_and_followed(axis: Axis) -> None:
     node = FakeNode()
     with wirebond.open(AXIS, axis.line.path) as link:
-        bridge = Bridge(link, node, default_mapping(AXIS.model))
-        thread = threading.Thread(target=bridge.run, daemon=True)
-        thread.start()
         axis.is_on.set()
+        bridge = Bridge(link, node, default_mapping(AXIS.model))
+        thread = bridge.start()
         node.wait(lambda: len(node.parameters) == 3)
         assert {name: p.value for name, p in node.parameters.items()} == {
             "mcu.max_speed": 1.5,
@@ -101,6 +101,21 @@ def test_parameters_are_read_set_and_followed(axis: Axis) -> None:
             node.parameters["mcu.travel"].set(11.0)
         link.parameters.set("max_speed", 2.25)  # as another program does
         node.wait(lambda: node.parameters["mcu.max_speed"].value == 2.25)
+        bridge.close()
+        thread.join(PATIENCE)
+
+
+def test_an_mcu_that_is_switched_on_later_is_read_then(axis: Axis, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(Parameters.get.__kwdefaults__, "timeout", 0.1)
+    monkeypatch.setitem(Parameters.list.__kwdefaults__, "timeout", 0.1)
+    node = FakeNode()
+    with wirebond.open(AXIS, axis.line.path) as link:
+        bridge = Bridge(link, node, default_mapping(AXIS.model))
+        thread = bridge.start()
+        node.wait(lambda: any("the parameters of the MCU are not known yet" in text for _, text in node.lines))
+        assert not node.parameters
+        axis.is_on.set()
+        node.wait(lambda: len(node.parameters) == 3)
         bridge.close()
         thread.join(PATIENCE)
 
