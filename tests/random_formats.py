@@ -32,6 +32,10 @@ ROOM = 40  # most payload bytes of a message
 _PLAIN = re.compile(r"(?<![^ ])(\w+): \{type: u(?:24|32|64)(?:le|be)?(?:, default: \d+)?(?=\})")
 
 
+def _range_text(first: str, last: str) -> str:
+    return first if first == last else f"{first}..{last}"
+
+
 def _stamped(fields: str) -> str:
     """With the first plain wide number of the message itself as a time stamp, which changes nothing on the wire."""
     for found in _PLAIN.finditer(fields):
@@ -635,8 +639,11 @@ class _FormatSource:
             kind, width = random_check(self._checks)
         options = [f"type: {kind}"]
         if explicit:
-            names = [self._parts[i].name for i in (first, last)]
-            options.append(f"over: {names[0]}..{names[1]}" if names[0] != names[1] else f"over: {names[0]}")
+            ranges = [(first, last)]
+            if self._checks.random() < 0.3:
+                ranges += self._more_ranges(at, ranges[0], header)
+            texts = [_range_text(*(self._parts[i].name for i in ends)) for ends in ranges]
+            options.append(f"over: [{', '.join(texts)}]" if len(texts) > 1 else f"over: {texts[0]}")
         if width > 1 and self._chance(0.15):
             options.append(f"byte: {self._random.choice(('low', 'high'))}")
             width = 1
@@ -653,6 +660,18 @@ class _FormatSource:
             condition = self._condition(behind_payload=at > self._payload_index())[1]
             part.options += [f'when: "{condition}"'] if condition else []
         self._parts.insert(at, part)
+
+    def _more_ranges(self, at: int, own: tuple[int, int], header: bool) -> list[tuple[int, int]]:
+        """Others for a check at this place, in any order: of parts before it, and behind it single ones, between which
+        no check can come later."""
+        free = [i for i in range(at) if not own[0] <= i <= own[1]]
+        if not header:
+            free += [
+                i
+                for i in range(at, len(self._parts))
+                if i not in range(own[0], own[1] + 1) and self._parts[i].kind != "check"
+            ]
+        return [(i, i) for i in self._checks.sample(free, min(len(free), self._checks.randint(1, 3)))]
 
     # ---- messages
 

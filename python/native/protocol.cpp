@@ -98,8 +98,16 @@ Form read_form(nb::handle plan) {
   for (nb::handle check : plan.attr("checks")) {
     CheckRule& rule = form.checks.at(form.check_count++);
     rule.algorithm = nb::cast<std::uint8_t>(check.attr("algorithm"));
-    rule.from = read_position(check.attr("start"));
-    rule.to = read_position(check.attr("stop"));
+    std::size_t number = 0;
+    for (nb::handle ends : check.attr("ranges")) {
+      const CheckRange range{read_position(ends[0]), read_position(ends[1])};
+      if (number++ == 0) {
+        rule.from = range.from;
+        rule.to = range.to;
+      } else {
+        rule.more.at(rule.more_count++) = range;
+      }
+    }
     rule.at = read_position(check.attr("at"));
     rule.bytes = nb::cast<std::uint8_t>(check.attr("bytes"));
     rule.order = byte_order_of(check.attr("order"));

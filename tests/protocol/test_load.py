@@ -54,7 +54,7 @@ def test_diffdrive_is_what_its_specification_says() -> None:
     assert not protocol.format.deliver_unknown
     check = protocol.format.parts[4]
     assert check.algorithm is not None
-    assert (check.algorithm.name, check.first, check.last, check.size) == ("xor8", 0, 3, 1)
+    assert (check.algorithm.name, check.ranges, check.size) == ("xor8", ((0, 3),), 1)
     linear = protocol.message("velocity").fields[0]
     assert (linear.kind, linear.size, linear.scale) == (FieldKind.SIGNED, 2, Fraction(1, 1000))
     assert (linear.minimum, linear.maximum, linear.on_range, linear.unit) == (-2.0, 2.0, OnRange.CLAMP, "m/s")
@@ -87,8 +87,8 @@ def test_a_stop_of_several_messages_keeps_its_order_and_is_not_in_the_hash() -> 
 def test_enterprize_checks_its_header_before_its_whole() -> None:
     protocol = load(PROTOCOLS / "enterprize.yaml")
     header, whole = (part for part in protocol.format.parts if part.kind == PartKind.CHECK)
-    assert (header.name, header.first, header.last) == ("header_check", 0, 2)
-    assert (whole.name, whole.first, whole.last) == ("check", 0, 4)
+    assert (header.name, header.ranges) == ("header_check", ((0, 2),))
+    assert (whole.name, whole.ranges) == ("check", ((0, 4),))
     assert protocol.format.deliver_unknown
     assert protocol.format.max_payload == 41
     assert protocol.link.bits_per_byte == 11
@@ -107,7 +107,7 @@ def test_native_lies_between_zeros_and_names_its_services() -> None:
 
 def test_a_high_byte_of_a_sum_is_one_byte_and_too_weak_to_deliver_what_is_unknown() -> None:
     check = load(PROTOCOLS / "pid_tuner.yaml").format.parts[4]
-    assert (check.size, check.shift, check.first, check.last) == (1, 8, 1, 3)
+    assert (check.size, check.shift, check.ranges) == (1, 8, ((1, 3),))
     assert not load(PROTOCOLS / "pid_tuner.yaml").format.deliver_unknown
 
 
@@ -198,7 +198,7 @@ def test_a_check_may_cover_named_parts_and_be_a_crc_of_ones_own() -> None:
     part = rover(frame).format.parts[4]
     a = part.algorithm
     assert a is not None
-    assert (part.first, part.last, part.size) == (1, 2, 2)
+    assert (part.ranges, part.size) == (((1, 2),), 2)
     assert (a.kind, a.width, a.poly, a.init, a.refin, a.refout, a.xorout) == (
         "crc",
         16,
@@ -212,7 +212,7 @@ def test_a_check_may_cover_named_parts_and_be_a_crc_of_ones_own() -> None:
 
 def test_a_check_over_one_part_names_it_alone() -> None:
     part = rover("magic: 0x01, id: u8, payload: by_id, check: {type: xor8, over: payload}").format.parts[3]
-    assert (part.first, part.last) == (2, 2)
+    assert part.ranges == ((2, 2),)
 
 
 def test_parts_without_a_name_are_numbered() -> None:

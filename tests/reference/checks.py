@@ -25,9 +25,9 @@ def check_holds(
     sizes = [payload_size if i == payload_at else p.size if id(p) in there else 0 for i, p in enumerate(everything)]
     part = everything[index]
     assert part.algorithm is not None
-    covered = data[sum(sizes[: part.first]) : sum(sizes[: part.last + 1])]
-    if part.is_plain and any(not other.is_plain for other in everything[part.first : part.last + 1]):
-        covered = wire[sum(sizes[: part.first]) : len(wire) - sum(sizes[part.last + 1 :])]
+    covered = b"".join(data[sum(sizes[:first]) : sum(sizes[: last + 1])] for first, last in part.ranges)
+    if part.is_plain and any(not everything[i].is_plain for i in part.covered):
+        covered = b"".join(wire[sum(sizes[:first]) : len(wire) - sum(sizes[last + 1 :])] for first, last in part.ranges)
     if part.seeded:
         covered += bytes([message.seed or 0 if message is not None else 0])
     at = sum(sizes[:index])

@@ -180,7 +180,7 @@ def _examine_as(
     for part in before:  # checks of the header
         if (
             part.kind == PartKind.CHECK
-            and part.last < payload_at
+            and max(part.covered) < payload_at
             and not check_holds(frame_format.parts, parts, places[id(part)], data, data, payload_at, 0, message)
         ):
             raise Rejected("header_check_mismatch", prefix)
@@ -224,7 +224,7 @@ def _examine_as(
         raise Rejected("constant_mismatch", total)
 
     for part in parts:
-        in_header = id(part) in header_parts and part.last < payload_at
+        in_header = id(part) in header_parts and max(part.covered) < payload_at
         if (
             part.kind == PartKind.CHECK
             and not in_header

@@ -83,6 +83,7 @@ WIREBOND_INLINE void write_check(const Source& source, const Form& form, std::si
     }
   }
   reg = source.check_update(rule.algorithm, reg, frame + from, rule.to.in(covered)-from);
+  if constexpr (most.more_ranges != 0) reg = over_more_ranges(source, rule, reg, frame, covered);
   if constexpr (most.is_continued) registers.of[index] = reg;
   if constexpr (most.is_seeded) {
     if (rule.seeded) {

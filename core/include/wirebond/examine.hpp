@@ -108,6 +108,7 @@ WIREBOND_INLINE bool check_holds(const Source& source, const Form& form, std::si
     from = form.checks[static_cast<std::size_t>(rule.continues)].to.in(frame_size);
   }
   reg = source.check_update(rule.algorithm, reg, frame + from, to - from);
+  if constexpr (most.more_ranges != 0) reg = over_more_ranges(source, rule, reg, frame, frame_size);
   if constexpr (most.is_continued) registers.of[index] = reg;
   if constexpr (most.is_seeded) {
     if (rule.seeded) reg = source.check_update(rule.algorithm, reg, &seed, 1);

@@ -55,7 +55,16 @@ enum class PayloadSize : std::uint8_t {
   rest,       ///< all bytes between the delimiters
 };
 
-/// A check over [from, to), stored in `bytes` bytes at `at`.
+/// Maximum number of ranges that a check covers.
+constexpr std::size_t max_check_ranges = 4;
+
+/// Bytes [from, to) that a check covers.
+struct CheckRange {
+  Position from{};
+  Position to{};
+};
+
+/// A check over [from, to) and then over the ranges in `more`, stored in `bytes` bytes at `at`.
 struct CheckRule {
   std::uint8_t algorithm = 0;  ///< index into FrameFormat::algorithms
   Position from{};
@@ -68,6 +77,8 @@ struct CheckRule {
   bool as_hex = false;         ///< on the wire as two hex digits per byte, the higher one first
   bool on_wire = false;        ///< over the bytes as they are sent, after stuffing; the check itself is not stuffed
   std::int8_t continues = -1;  ///< an earlier check with the same start and algorithm, whose register is continued
+  std::uint8_t more_count = 0;
+  std::array<CheckRange, max_check_ranges - 1> more{};  ///< in the order of the check, each outside the others
 };
 
 /// Place in a form of a number that is neither length nor id: a named field or a sequence number. Its bits are as on

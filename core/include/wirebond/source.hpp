@@ -88,6 +88,7 @@ struct PartCounts {
   bool is_hex = false;
   bool is_on_wire = false;
   bool is_continued = false;
+  std::size_t more_ranges = 0;  ///< of one check, behind its first
 };
 
 /// Check whether the source's frames may be found this way. If the format folds, code for other ways is not even
@@ -130,6 +131,7 @@ constexpr PartCounts count_parts() {
         most.is_hex = most.is_hex || form.checks[c].as_hex;
         most.is_on_wire = most.is_on_wire || form.checks[c].on_wire;
         most.is_continued = most.is_continued || form.checks[c].continues >= 0;
+        raise(most.more_ranges, form.checks[c].more_count);
       }
     }
     return most;
@@ -144,7 +146,8 @@ constexpr PartCounts count_parts() {
             true,
             true,
             true,
-            true};
+            true,
+            max_check_ranges - 1};
   }
 }
 
@@ -156,6 +159,19 @@ inline constexpr PartCounts part_counts = count_parts<Source>();
 template <class Source>
 constexpr bool may_have(PayloadSize size) {
   return part_counts<Source>.payload_sizes[static_cast<std::size_t>(size)];
+}
+
+/// Run a check over its ranges behind the first one, in a frame of `size` bytes.
+template <class Source>
+WIREBOND_INLINE std::uint64_t over_more_ranges(const Source& source, [[maybe_unused]] const CheckRule& rule,
+                                               std::uint64_t reg, const std::uint8_t* frame, std::size_t size) {
+  every<Source::is_constant, part_counts<Source>.more_ranges>(
+      0, rule.more_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
+        const std::size_t from = rule.more[i].from.in(size);
+        reg = source.check_update(rule.algorithm, reg, frame + from, rule.more[i].to.in(size)-from);
+        return true;
+      });
+  return reg;
 }
 
 /// Registers of a frame's checks; those that a later check continues are kept.

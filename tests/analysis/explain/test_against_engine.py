@@ -22,7 +22,7 @@ from tests.streams import hard_stream, random_frame, random_values
 
 from wirebond import Codec, Message
 from wirebond.analysis.explain import Kind, explain, values
-from wirebond.analysis.explain.layout import check_value, spans
+from wirebond.analysis.explain.layout import check_value, covered_bytes, spans
 from wirebond.analysis.explain.scan import scan
 from wirebond.analysis.explain.stuffing import stuff
 from wirebond.analysis.explain.values import faults_of, read_fields, values_of
@@ -187,7 +187,7 @@ def _frame_with(proto: Codec, described: MessageModel, payload: bytes) -> list[M
             data += len(payload).to_bytes(part.size, order)
         elif part.kind == PartKind.CHECK:
             places = spans(frame_format.parts, len(payload))
-            data += check_value(part, bytes(data[places[part.first][0] : places[part.last][1]]), seed=0)
+            data += check_value(part, covered_bytes(part, bytes(data), places), seed=0)
         else:
             data += part.value or bytes(part.size)
     wire = bytes(data)

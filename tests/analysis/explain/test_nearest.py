@@ -107,7 +107,9 @@ def test_all_numbers_the_other_way_round_is_the_files_byte_order() -> None:
 
 
 @pytest.mark.parametrize("filler", [b"", b"\0\0"])
-def test_a_check_that_covers_the_tail_too_is_found_although_no_file_can_say_it(filler: bytes) -> None:
+def test_a_check_that_covers_the_tail_too_is_found_although_no_file_can_say_that_it_covers_itself(
+    filler: bytes,
+) -> None:
     """Around itself, or with itself as zeros."""
     frame = frame_of(FILE)
     model = loads(FILE)
@@ -115,9 +117,10 @@ def test_a_check_that_covers_the_tail_too_is_found_although_no_file_can_say_it(f
     assert algorithm is not None
     value = checksum(algorithm, frame[:-3] + filler + frame[-1:])
     guess = best(explained(frame[:-3] + value.to_bytes(2, "little") + frame[-1:]))
-    assert "covers magic, length, id, payload, tail" in guess.what
-    assert ("itself as zeros" in guess.what) == bool(filler)
-    assert guess.remedy.startswith("No `over:` can say that")
+    assert "`[magic..payload, tail]`" in guess.what
+    assert ("itself, as zeros" in guess.what) == bool(filler)
+    assert guess.remedy.startswith("No `over:` can say that") == bool(filler)
+    assert ("over: [magic..payload, tail]" in guess.remedy) == (not filler)
 
 
 FRAME = frame_of(FILE)

@@ -78,7 +78,7 @@ def drawn(number: int) -> tuple[str, Codec, list[bytes], random.Random]:
 
 def samples_of(codec: Codec, raws: list[bytes]) -> list[Sample]:
     parts = codec.model.format.parts
-    check, covered = parts[-1], sum(part.size for part in parts[: parts[-1].first])
+    check, covered = parts[-1], sum(part.size for part in parts[: parts[-1].covered[0]])
     order: Literal["big", "little"] = "big" if check.order == ByteOrder.BIG else "little"
     return [Sample(raw[covered : -check.size], int.from_bytes(raw[-check.size :], order)) for raw in raws]
 

@@ -103,7 +103,9 @@ def _part(part: Part) -> dict[str, Any]:
         a = part.algorithm
         entry["algorithm"] = [a.kind.value, a.width, a.poly, a.init, a.refin, a.refout, a.xorout, a.modulus, a.negate]
         entry["algorithm"] += _more_than_before(a)
-        entry |= {"first": part.first, "last": part.last, "shift": part.shift}
+        (first, last), *more = part.ranges
+        entry |= {"first": first, "last": last, "shift": part.shift}
+        entry |= {"more_ranges": more} if more else {}
         entry |= {"seeded": part.seeded, "as_hex": part.as_hex}
         entry |= {"as_decimal": True} if part.as_decimal else {}
     return entry

@@ -84,7 +84,7 @@ def offsets_of(form_parts: FormParts, algorithms: list[Algorithm], places: dict[
         elif part.header is not None:
             header.append(held(part.header, _whole(at, part)))
         elif part.kind == PartKind.CHECK:
-            in_header = index < payload_index and part.last < payload_index
+            in_header = index < payload_index and part.last_covered < payload_index
             checks.append((not in_header, index, part))
         for run in part.bits:
             number = Number(at, part.size, part.order, run.shift, run.mask)
@@ -124,12 +124,14 @@ def offsets_of(form_parts: FormParts, algorithms: list[Algorithm], places: dict[
         assert part.algorithm is not None
         register, shift = register_of(part.algorithm)
         algorithm = algorithms.index(register)
-        start, stop = start_of(part.first), end_of(part.last)
+        ranges = tuple((start_of(first), end_of(last)) for first, last in part.ranges)
+        start, stop = ranges[0]
         continues = -1
         for earlier_index, earlier in enumerate(rules):
-            same = earlier.algorithm == algorithm and earlier.start == start and not part.on_wire
+            (begin, end), *more = earlier.ranges
+            same = earlier.algorithm == algorithm and begin == start and not more and not part.on_wire
             # Both ends count from the start, or this one lies behind the payload: the earlier range is inside.
-            inside = not earlier.stop.from_end and (stop.from_end or earlier.stop.offset <= stop.offset)
+            inside = not end.from_end and (stop.from_end or end.offset <= stop.offset)
             if same and inside:
                 continues = earlier_index
         size = part.size // 2 if part.as_hex else part.size
@@ -137,8 +139,7 @@ def offsets_of(form_parts: FormParts, algorithms: list[Algorithm], places: dict[
         rules.append(
             CheckRule(
                 algorithm,
-                start,
-                stop,
+                ranges,
                 at,
                 size,
                 part.order,
@@ -184,9 +185,9 @@ def _refused_sizes(parts: tuple[Part, ...], payload_index: int, checks: list[Par
         if check.algorithm is None or check.algorithm.odd != OddTail.REFUSE:
             continue
         unit = check.algorithm.unit
-        beside = sum(part.size for index, part in enumerate(parts) if check.first <= index <= check.last)
+        beside = sum(parts[index].size for index in check.covered)
         missing = -(beside + check.seeded) % unit
-        covers_payload = check.first <= payload_index <= check.last
+        covers_payload = payload_index in check.covered
         found.append((unit, missing if covers_payload or missing == 0 else unit))
     most, most_rest = max(found)
     agree = all(rest == most_rest % unit for unit, rest in found)

@@ -60,8 +60,7 @@ class Number:
 @dataclass(frozen=True)
 class CheckRule:
     algorithm: int
-    start: Position
-    stop: Position
+    ranges: tuple[tuple[Position, Position], ...]  # from and to, in the order of the check
     at: Position
     bytes: int
     order: ByteOrder

@@ -76,9 +76,12 @@ def _digits_text(digits: Digits) -> str:
     return f"decimal digits, {digits.decimals} behind the point" if digits.decimals else "decimal digits"
 
 
-def range_text(parts: tuple[Part, ...], first: int, last: int) -> str:
-    """``id..payload``, or ``payload`` alone, as behind ``over:``."""
-    return parts[first].name if first == last else f"{parts[first].name}..{parts[last].name}"
+def ranges_text(parts: tuple[Part, ...], ranges: tuple[tuple[int, int], ...]) -> str:
+    """``id..payload``, ``payload`` alone or ``[id..length, payload]``, as behind ``over:``."""
+    texts = [
+        parts[first].name if first == last else f"{parts[first].name}..{parts[last].name}" for first, last in ranges
+    ]
+    return texts[0] if len(texts) == 1 else f"[{', '.join(texts)}]"
 
 
 def condition_text(condition: Condition) -> str:
@@ -294,8 +297,8 @@ def _check(parts: tuple[Part, ...], index: int) -> str:
     options = _parameters(algorithm, part.order)
     if 8 * size < algorithm.width:
         options.append("byte: high" if part.shift else "byte: low")
-    if (part.first, part.last) != (0, index - 1):
-        options.append(f"over: {range_text(parts, part.first, part.last)}")
+    if part.ranges != ((0, index - 1),):
+        options.append(f"over: {ranges_text(parts, part.ranges)}")
     if part.as_hex:
         options.append("text: hex")
     if part.as_decimal:

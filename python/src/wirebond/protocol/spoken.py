@@ -67,7 +67,7 @@ def _magic_field(parts: tuple[Part, ...]) -> str:
 def _version(parts: tuple[Part, ...], sender: End, magic: bytes) -> frozenset[Part]:
     """The parts that this magic announces. A length is none: one of another width is for another size of payload."""
     return frozenset(
-        replace(part, condition=None, first=0, last=0)
+        replace(part, condition=None, ranges=((0, 0),))
         for form in parts_of_forms(parts, sender)
         if any(part.kind == PartKind.MAGIC and part.value == magic for part in form.parts)
         for part in form.parts

@@ -212,7 +212,7 @@ def _uncovered_from(protocol: Protocol, end: End) -> Iterator[tuple[str, str]]:
     """What it is, and the name of its part, in the order of the frame."""
     for form in parts_of_forms(protocol.format.parts, end):
         checks = [part for part in form.parts if part.kind == PartKind.CHECK]
-        covered = {index for check in checks for index in range(check.first, check.last + 1)}
+        covered = {index for check in checks for index in check.covered}
         for index, part in enumerate(form.parts):
             for what in (part.kind.value, *(run.role.value for run in part.bits)):
                 if checks and what in _EFFECTS and index not in covered:

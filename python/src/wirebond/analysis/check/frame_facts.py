@@ -46,8 +46,10 @@ def has_header_check(form: Form) -> bool:
         length is None
         or (
             not length.at.from_end
-            and rule.start.offset <= length.at.offset
-            and length.at.offset + length.bytes <= rule.stop.offset
+            and any(
+                start.offset <= length.at.offset and length.at.offset + length.bytes <= stop.offset
+                for start, stop in rule.ranges
+            )
         )
         for rule in form.checks[: form.header_checks]
     )

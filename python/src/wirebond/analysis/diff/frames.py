@@ -158,13 +158,14 @@ def _with_step(old: Protocol, new: Protocol, step: _Step) -> Protocol | None:
     renamed = {before[step.a].name: after[step.c].name} if step.b - step.a == step.d - step.c == 1 else {}
     parts = []
     for part, owner in named:
-        ends = [owner[part.first].name, owner[part.last].name]
-        ends = [renamed.get(name, name) if owner is before else name for name in ends]
-        if part.kind == PartKind.CHECK:
-            if any(name not in places for name in ends):
-                return None
-            part = replace(part, first=places[ends[0]], last=places[ends[1]])  # noqa: PLW2901
-        parts.append(part)
+        if part.kind != PartKind.CHECK:
+            parts.append(part)
+            continue
+        names = [owner[index].name for ends in part.ranges for index in ends]
+        ends = [places.get(renamed.get(name, name) if owner is before else name, -1) for name in names]
+        if min(ends) < 0:
+            return None
+        parts.append(replace(part, ranges=tuple(zip(ends[::2], ends[1::2], strict=True))))
     if sum(part.kind == PartKind.PAYLOAD for part in parts) != 1:
         return None
     made = replace(old.format, parts=tuple(parts))

@@ -14,6 +14,7 @@ from wirebond.analysis.explain.layout import (
     CONSTANTS,
     check_value,
     counted_beside_payload,
+    covered_bytes,
     fixed_bits,
     hex_of,
     id_text,
@@ -99,10 +100,10 @@ class _Examination:
     message: Message | None = None
     told: Told | None = None  # what tells its message
     payload: tuple[int, int] | None = None
+    parts: tuple[Part, ...] = field(init=False)
 
-    @property
-    def parts(self) -> tuple[Part, ...]:
-        return self.shape.form.parts
+    def __post_init__(self) -> None:
+        self.parts = self.shape.form.parts
 
     def run(self) -> Verdict:
         try:
@@ -424,10 +425,10 @@ class _Examination:
         part = self.parts[index]
         start, stop = places[index]
         seed = self.message.seed or 0 if self.message is not None else 0
-        first, last = places[part.first][0], places[part.last][1]
-        covered = self.data[first:last]
-        if part.on_wire and self.block is not None:  # it ends as far from the block's end as from the frame's
-            covered = self.block[first : len(self.block) - (len(self.data) - last)]
+        covered = covered_bytes(part, self.data, places)
+        if part.on_wire and self.block is not None:  # each range ends as far from the block's end as from the frame's
+            grown = len(self.block) - len(self.data)
+            covered = b"".join(self.block[places[first][0] : places[last][1] + grown] for first, last in part.ranges)
         expected = check_value(part, covered, seed)
         found = self.data[start:stop]
         shown = shown_check(part, expected), shown_check(part, found)

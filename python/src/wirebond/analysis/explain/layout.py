@@ -73,6 +73,15 @@ def counted_beside_payload(parts: tuple[Part, ...], index: int) -> int:
     )
 
 
+def covered_bytes(part: Part, data: bytes, places: list[tuple[int, int]]) -> bytes:
+    """The bytes that a check covers, in its order. ``places``: of all parts in ``data``."""
+    first, last = part.ranges[0]
+    covered = data[places[first][0] : places[last][1]]
+    for first, last in part.ranges[1:]:
+        covered += data[places[first][0] : places[last][1]]
+    return covered
+
+
 def check_value(part: Part, covered: bytes, seed: int) -> bytes:
     """What a check part holds on the wire when it covers these bytes."""
     assert part.algorithm is not None

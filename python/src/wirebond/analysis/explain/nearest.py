@@ -24,7 +24,7 @@ from wirebond.analysis.explain.guesses.guess import (
     reading,
     test,
 )
-from wirebond.analysis.explain.layout import check_value, same_check, shown_check, spans
+from wirebond.analysis.explain.layout import check_value, covered_bytes, same_check, shown_check, spans
 from wirebond.analysis.explain.report import Changes, FittingGuess
 from wirebond.analysis.explain.solve import LEAST_SAMPLES
 from wirebond.analysis.explain.stuffing import stuff
@@ -152,7 +152,7 @@ def repaired(case: Case) -> str:
         if part.kind != PartKind.CHECK:
             continue
         start, stop = places[index]
-        value = check_value(part, data[places[part.first][0] : places[part.last][1]], case.verdict.seed)
+        value = check_value(part, covered_bytes(part, data, places), case.verdict.seed)
         if not same_check(part, value, data[start:stop]):
             right.append(f"{part.name} {shown_check(part, value)}")
         data = data[:start] + value + data[stop:]

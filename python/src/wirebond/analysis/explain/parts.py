@@ -9,6 +9,7 @@ from typing import Any
 from wirebond.analysis.explain.layout import (
     check_value,
     counted_beside_payload,
+    covered_bytes,
     hex_of,
     id_text,
     payload_index,
@@ -33,7 +34,7 @@ from wirebond.protocol.model import (
     Protocol,
 )
 from wirebond.protocol.model.forms import header_of
-from wirebond.protocol.spelling import range_text, sequence_text
+from wirebond.protocol.spelling import ranges_text, sequence_text
 
 _COUNTED = {
     LengthCounts.PAYLOAD: "payload bytes",
@@ -93,7 +94,7 @@ def check_text(parts: tuple[Part, ...], part: Part) -> str:
     name = part.algorithm.name
     if 8 * (part.size // 2 if part.as_hex else part.size) < part.algorithm.width:
         name += " high byte" if part.shift else " low byte"
-    text = f"{name} over {range_text(parts, part.first, part.last)}"
+    text = f"{name} over {ranges_text(parts, part.ranges)}"
     text += " and the message's seed" if part.seeded else ""
     return f"{text}, in hex digits" if part.as_hex else f"{text}, in decimal digits" if part.as_decimal else text
 
@@ -215,12 +216,11 @@ def _check(context: Context) -> str:
     assert part.algorithm is not None
     text = check_text(parts, part)
     at = payload_index(parts)
-    known = context.verdict.payload is not None or max(part.last, context.index) < at
+    known = context.verdict.payload is not None or max(part.last_covered, context.index) < at
     places = context.places
-    if not known or places[part.last][1] > len(context.data):
+    if not known or places[part.last_covered][1] > len(context.data):
         return text
-    covered = context.data[places[part.first][0] : places[part.last][1]]
-    expected = check_value(part, covered, context.verdict.seed)
+    expected = check_value(part, covered_bytes(part, context.data, places), context.verdict.seed)
     holds = same_check(part, expected, context.bytes_of(context.index))
     return f"{text}: holds" if holds else f"{text}: is {shown_check(part, expected)}"
 

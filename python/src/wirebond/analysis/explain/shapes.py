@@ -66,7 +66,7 @@ def _shape(protocol: Protocol, form: FormParts, sender: End | None) -> Shape:
     # Without an id the one message there is says how long a payload is that has its message's size.
     is_early = id_at < at if id_at is not None else parts[at].payload == PayloadRule.BY_ID
     checks = [index for index, part in enumerate(parts) if part.kind == PartKind.CHECK]
-    of_header = [index for index in checks if index < at and parts[index].last < at]
+    of_header = [index for index in checks if index < at and parts[index].last_covered < at]
     return Shape(
         form,
         at,

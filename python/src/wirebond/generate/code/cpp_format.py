@@ -103,11 +103,15 @@ def format_lines(plan: Plan) -> list[str]:
             f"{to}.header[{i}] = {{{_header_number(f)}}};  // {comment_text(f.name)}" for i, f in enumerate(form.header)
         ]
         for i, c in enumerate(form.checks):
-            places = ", ".join(_position(p) for p in (c.start, c.stop, c.at))
+            places = ", ".join(_position(p) for p in (*c.ranges[0], c.at))
             order = f"wirebond::ByteOrder::{c.order.value}"
             flags = ", ".join(bool_literal(flag) for flag in (c.seeded, c.as_hex, c.on_wire))
             rule = f"{c.algorithm}, {places}, {c.bytes}, {order}, {c.shift}, {flags}, {c.continues}"
             lines.append(f"{to}.checks[{i}] = {{{rule}}};")
+            for place, ends in enumerate(c.ranges[1:]):
+                lines.append(f"{to}.checks[{i}].more[{place}] = {{{', '.join(map(_position, ends))}}};")
+            if len(c.ranges) > 1:
+                lines.append(f"{to}.checks[{i}].more_count = {len(c.ranges) - 1};")
     return lines
 
 

@@ -28,9 +28,11 @@ def diagram(frame_format: FrameFormat, longest_payload: int) -> list[str]:
     starts = [1 + sum(widths[:i]) + i for i in range(len(parts))]
     for part in parts:
         if part.kind == PartKind.CHECK:
-            first, end = starts[part.first], starts[part.last] + widths[part.last]
-            span = "<" + "-" * (end - first - 2) + ">"
-            lines.append(" " * first + span + f"  covered by {part.name}")
+            spans = ""
+            for first, last in sorted(part.ranges):
+                spans = spans.ljust(starts[first])
+                spans += "<" + "-" * (starts[last] + widths[last] - starts[first] - 2) + ">"
+            lines.append(f"{spans}  covered by {part.name}")
     around = _around(frame_format)
     return [*lines, "", f"on the wire:  {around}"] if around else lines
 

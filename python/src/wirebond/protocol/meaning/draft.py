@@ -137,9 +137,8 @@ def _is_strong(parts: tuple[Part, ...]) -> bool:
     return any(
         min((4 if part.as_hex else 8) * part.size, part.algorithm.kept.bit_count()) >= STRONG_CHECK_BITS
         and not part.seeded
-        and part.first <= min(said)
-        and part.last >= max(said)
-        for part in parts
+        and set(range(min(said), max(said) + 1)) - {index} <= set(part.covered)
+        for index, part in enumerate(parts)
         if part.algorithm is not None
     )
 

@@ -251,14 +251,9 @@ class _FrameReader:
             if size == 1:
                 self._wrong(where.key_place("byte"), "a check of 8 bits has one byte; remove `byte`")
             size = 1
-        first, last = 0, index - 1
+        ranges: tuple[tuple[int, int], ...] = ((0, index - 1),)
         if check.over is not None:
-            first, last = (self._find(name, names, where.value_place("over")) for name in check.over)
-            if first > last >= 0:
-                over = f"`{check.over[1]}..{check.over[0]}`"
-                self._wrong(where.value_place("over"), f"the range's first part stands behind its last; write {over}")
-            elif 0 <= first <= index <= last:
-                self._wrong(where.value_place("over"), "a check cannot cover itself; end the range before it")
+            ranges = self._lower_ranges(index, names, check.over, where.value_place("over"))
         elif index == 0:
             self._wrong(node.place, "nothing precedes this check; move it behind what it covers, or say `over:`")
         return replace(
@@ -269,10 +264,33 @@ class _FrameReader:
             as_decimal=as_decimal,
             seeded=check.seed is not None,
             algorithm=algorithm,
-            first=first,
-            last=last,
+            ranges=ranges,
             shift=shift,
         )
+
+    def _lower_ranges(
+        self, check: int, names: list[str], over: tuple[tuple[str, str], ...], place: Place
+    ) -> tuple[tuple[int, int], ...]:
+        """Those that are right; what is wrong with others has been reported."""
+        ranges: list[tuple[int, int]] = []
+        for first_name, last_name in over:
+            first, last = (self._find(name, names, place) for name in (first_name, last_name))
+            if min(first, last) < 0:
+                continue
+            if first > last:
+                swapped = f"`{last_name}..{first_name}`"
+                self._wrong(place, f"the range's first part stands behind its last; write {swapped}")
+            elif first <= check <= last:
+                before, behind = f"{first_name}..{names[check - 1]}", f"{names[min(check + 1, last)]}..{last_name}"
+                parts = [text for text, is_there in ((before, first < check), (behind, check < last)) if is_there]
+                self._wrong(
+                    place, f"a check cannot cover itself; write `over: [{', '.join(parts)}]`, which leaves it out"
+                )
+            elif any(one[0] <= last and first <= one[1] for one in ranges):
+                self._wrong(place, f"`{first_name}` to `{last_name}` overlaps another range; name each part once")
+            else:
+                ranges.append((first, last))
+        return tuple(ranges) or ((0, 0),)
 
     def _with_decimal_check(self, parts: list[Part], nodes: list[Mapping], envelope: Envelope) -> Envelope:
         """A check in decimal digits has no fixed size: it lies between a constant and the delimiter."""
@@ -308,11 +326,11 @@ class _FrameReader:
         for index, part in enumerate(parts):
             if part.kind != PartKind.CHECK or not part.is_plain:
                 continue
-            covered = range(max(part.first, 0), part.last + 1)
-            if not any(i in stuffed or i == counting or parts[i].on_wire for i in covered):
+            if not any(i in stuffed or i == counting or parts[i].on_wire for i in part.covered):
                 continue
             parts[index] = replace(part, on_wire=True)
-            if stuffed[0] < part.first <= stuffed[-1] or stuffed[0] <= part.last < stuffed[-1]:
+            cut = (stuffed[0] < first <= stuffed[-1] or stuffed[0] <= last < stuffed[-1] for first, last in part.ranges)
+            if any(cut):
                 self._wrong(
                     nodes[index].value_place("check"),
                     "a check beside the stuffed parts is taken over the bytes on the line, so that its range covers "
@@ -485,12 +503,12 @@ class _FrameReader:
         payload_index = next(i for i, part in enumerate(parts) if part.kind == PartKind.PAYLOAD)
 
         def turn(index: int) -> tuple[bool, int]:
-            return not (index < payload_index and parts[index].last < payload_index), index
+            return not (index < payload_index and parts[index].last_covered < payload_index), index
 
         for index, part in enumerate(parts):
             if part.kind != PartKind.CHECK:
                 continue
-            for covered in range(max(part.first, 0), part.last + 1):
+            for covered in part.covered:
                 if parts[covered].kind == PartKind.CHECK and covered != index and turn(covered) > turn(index):
                     self._wrong(
                         nodes[index].place,
@@ -559,7 +577,7 @@ class _FrameReader:
             return
         first = [part.is_plain for part in draft.parts].index(False)
         for index, (part, place) in enumerate(zip(draft.parts, draft.places, strict=True)):
-            if part.on_wire and index < draft.payload_index and part.last >= first:
+            if part.on_wire and index < draft.payload_index and part.last_covered >= first:
                 self._wrong(place, "a check over the stuffed bytes stands behind them here; move it behind the payload")
         length = draft.length_part
         if length is None or not length.is_plain:
@@ -570,11 +588,10 @@ class _FrameReader:
                 draft.places[at], "this length counts the bytes on the line, so it cannot count words; remove `unit`"
             )
         for part, place in zip(draft.parts, draft.places, strict=True):
-            covered = range(part.first, part.last + 1)
             if (
                 part.kind == PartKind.CHECK
                 and not part.is_plain
-                and any(i == at or draft.parts[i].on_wire for i in covered)
+                and any(i == at or draft.parts[i].on_wire for i in part.covered)
             ):
                 self._wrong(
                     place,
@@ -618,7 +635,7 @@ class _FrameReader:
         if id_index is None or id_index < payload_index:
             return
         for index, part in enumerate(draft.parts):
-            if part.seeded and index < payload_index and part.last < payload_index:
+            if part.seeded and index < payload_index and part.last_covered < payload_index:
                 self._wrong(
                     draft.places[index],
                     "this check counts the message's seed, and the id that tells the message stands behind the "

@@ -246,9 +246,11 @@ def _renumbered(parts: tuple[Part, ...], present: tuple[Part, ...]) -> tuple[Par
     def place(index: int) -> int:
         return sum(1 for i in kept if i < index)
 
-    return tuple(
-        replace(p, first=place(p.first), last=place(p.last + 1) - 1) if p.kind == PartKind.CHECK else p for p in present
-    )
+    def renumbered(ranges: tuple[tuple[int, int], ...]) -> tuple[tuple[int, int], ...]:
+        left = tuple((place(first), place(last + 1) - 1) for first, last in ranges)
+        return tuple(one for one in left if one[0] <= one[1]) or left[:1]
+
+    return tuple(replace(p, ranges=renumbered(p.ranges)) if p.kind == PartKind.CHECK else p for p in present)
 
 
 # ---- sets of numbers

@@ -211,8 +211,7 @@ class Part:
     payload: PayloadRule = PayloadRule.BY_LENGTH
     fixed_payload: int = 0
     algorithm: Algorithm | None = None
-    first: int = 0  # check: index of the first part that it covers
-    last: int = 0  # check: index of the last one, inclusive
+    ranges: tuple[tuple[int, int], ...] = ((0, 0),)  # check: first and last part of each range, in its order
     shift: int = 0  # check: value on the wire = check >> shift
     seeded: bool = False  # check: the message's seed is counted behind the range
     as_hex: bool = False  # check: sent as hex digits, ``size`` of them
@@ -226,6 +225,16 @@ class Part:
     condition: Condition | None = None
     is_plain: bool = False  # sent as it is, beside parts that are stuffed
     on_wire: bool = False  # check: over the bytes as they are sent, after stuffing
+
+    @property
+    def covered(self) -> tuple[int, ...]:
+        """Of a check: indices of the parts that it covers, in its order."""
+        return tuple(index for first, last in self.ranges for index in range(first, last + 1))
+
+    @property
+    def last_covered(self) -> int:
+        """Of a check: index of the last part that it covers; -1: none is left."""
+        return max((last for first, last in self.ranges if first <= last), default=-1)
 
 
 def decimal_digits(size: int) -> int:

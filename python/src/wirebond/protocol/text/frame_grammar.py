@@ -28,7 +28,7 @@ from wirebond.protocol.text.scalars import (
     Name,
     OneByte,
     OwnValues,
-    PartRange,
+    PartRanges,
     PartType,
     Register,
     ReservedBytes,
@@ -77,9 +77,10 @@ class Check(Syntax):
         description="Name in the catalogue of check algorithms, or crc, sum, xor or fletcher for one's own.",
         examples=["crc-16/ibm-sdlc"],
     )
-    over: PartRange | None = Field(
+    over: PartRanges | None = Field(
         None,
-        description="The parts it covers, first..last by kind or name; default: all that precede it.",
+        description="The parts it covers, first..last by kind or name, or a list of such ranges in the order in which "
+        "they are counted; default: all that precede it.",
         examples=["id..payload"],
     )
     byte: Annotated[str | None, one_word("low", "high")] = Field(

@@ -441,6 +441,17 @@ def _validate_name(value: object) -> str:
     raise wrong(f"{describe(value)} is not a check; write its name, such as crc-16/mcrf4xx, xor8 or sum16")
 
 
+MAX_RANGES = 4  # of a check; as `max_check_ranges` of core/include/wirebond/format.hpp
+
+
+def _part_ranges(value: object) -> tuple[tuple[str, str], ...]:
+    if not isinstance(value, list):
+        return (_part_range(value),)
+    if not 1 <= len(value) <= MAX_RANGES:
+        raise wrong(f"a check covers 1 to {MAX_RANGES} ranges, not {len(value)}; join some, as in `id..payload`")
+    return tuple(map(_part_range, value))
+
+
 def _part_range(value: object) -> tuple[str, str]:
     ends = value.split("..") if isinstance(value, str) else []
     if len(ends) not in (1, 2) or any(names.fault(end) and not end.isalpha() for end in ends):
@@ -509,10 +520,12 @@ CheckName = Annotated[
     str,
     PlainValidator(_validate_name, json_schema_input_type=Literal[_CHECK_NAMES]),
 ]
-PartRange = Annotated[
-    tuple[str, str],
+_OnePartRange = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*(\.\.[A-Za-z][A-Za-z0-9_]*)?$")]
+PartRanges = Annotated[
+    tuple[tuple[str, str], ...],
     PlainValidator(
-        _part_range,
-        json_schema_input_type=Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*(\.\.[A-Za-z][A-Za-z0-9_]*)?$")],
+        _part_ranges,
+        json_schema_input_type=_OnePartRange
+        | Annotated[list[_OnePartRange], Field(min_length=1, max_length=MAX_RANGES)],
     ),
 ]

@@ -11,6 +11,7 @@ from wirebond.analysis.explain.guesses.guess import Case, Guess, Guesses, spelle
 from wirebond.analysis.explain.layout import (
     CONSTANTS,
     check_value,
+    covered_bytes,
     payload_index,
     same_check,
     shown_check,
@@ -20,7 +21,9 @@ from wirebond.analysis.explain.solve import Sample, Solution, solve
 from wirebond.analysis.explain.stuffing import stuff
 from wirebond.protocol.algorithms import ALGORITHMS, in_order
 from wirebond.protocol.model import Algorithm, ByteOrder, CheckKind, Part, PartKind
-from wirebond.protocol.spelling import range_text
+from wirebond.protocol.spelling import ranges_text
+
+Ranges = tuple[tuple[int, int], ...]
 
 
 @dataclass(frozen=True)
@@ -33,8 +36,9 @@ class _Failed:
     places: list[tuple[int, int]]
     seed: int
 
-    def covered(self, data: bytes, first: int, last: int) -> bytes:
-        return data[self.places[first][0] : self.places[last][1]]
+    def covered(self, data: bytes, ranges: Ranges | None = None) -> bytes:
+        """``ranges``: others than the file's own."""
+        return covered_bytes(self.part if ranges is None else replace(self.part, ranges=ranges), data, self.places)
 
 
 def _failed(case: Case) -> _Failed | None:
@@ -60,7 +64,8 @@ def _ranges(case: Case, failed: _Failed) -> Iterator[tuple[int, int]]:
     check over the payload, those without the payload; nearest to the file's own first."""
     count = len(case.parts)
     payload = payload_index(case.parts)
-    needs_payload = failed.part.first <= payload <= failed.part.last and len(set(failed.places[payload])) > 1
+    needs_payload = payload in failed.part.covered and len(set(failed.places[payload])) > 1
+    near_first, near_last = _outer(failed.part)
     in_reach = len([place for place in failed.places if place[1] <= len(case.data)])
     found = []
     for first in range(count):
@@ -68,23 +73,28 @@ def _ranges(case: Case, failed: _Failed) -> Iterator[tuple[int, int]]:
             holds_itself = first <= failed.index <= last
             empty = failed.places[first][0] == failed.places[last][1]
             skips_payload = needs_payload and not first <= payload <= last
-            own = (first, last) == (failed.part.first, failed.part.last)
+            own = ((first, last),) == failed.part.ranges
             if holds_itself or empty or skips_payload or own:
                 continue
             later_check = any(case.parts[i].kind == PartKind.CHECK and i > failed.index for i in range(first, last + 1))
             if not later_check:
                 found.append((first, last))
-    found.sort(key=lambda r: (abs(r[0] - failed.part.first) + abs(r[1] - failed.part.last), r))
+    found.sort(key=lambda r: (abs(r[0] - near_first) + abs(r[1] - near_last), r))
     yield from found
 
 
+def _outer(part: Part) -> tuple[int, int]:
+    """The first and the last part that a check covers."""
+    return min(part.covered, default=0), part.last_covered
+
+
 def _over(case: Case, part: Part) -> str:
-    return f"`{range_text(case.parts, part.first, part.last)}`"
+    return f"`{ranges_text(case.parts, part.ranges)}`"
 
 
 def _difference(case: Case, mine: Part, other: Part) -> str:
     """``, without the id`` or ``, the tail too``: what one range has and the other has not."""
-    own, theirs = set(range(mine.first, mine.last + 1)), set(range(other.first, other.last + 1))
+    own, theirs = set(mine.covered), set(other.covered)
     less = [case.parts[i].name for i in sorted(own - theirs)]
     more = [case.parts[i].name for i in sorted(theirs - own)]
     text = f", without the {' and the '.join(less)}" if less else ""
@@ -93,9 +103,7 @@ def _difference(case: Case, mine: Part, other: Part) -> str:
 
 def _replaced(case: Case, failed: _Failed, part: Part) -> Guess | None:
     """The guess with this check part, unless its value differs: then nothing need be examined."""
-    if not same_check(
-        part, check_value(part, failed.covered(case.data, part.first, part.last), failed.seed), failed.found
-    ):
+    if not same_check(part, check_value(part, failed.covered(case.data, part.ranges), failed.seed), failed.found):
         return None
     protocol = with_part(case.protocol, case.parts, failed.index, part)
     for index, other in enumerate(case.parts):  # whoever takes another algorithm takes it for every check
@@ -125,52 +133,63 @@ def near_ranges(case: Case) -> Guesses:
     if failed is None:
         return
     for first, last in _near(case, failed):
-        yield _replaced(case, failed, replace(failed.part, first=first, last=last))
+        yield _replaced(case, failed, replace(failed.part, ranges=((first, last),)))
     yield from _with_gaps(case, failed)
 
 
 def _near(case: Case, failed: _Failed) -> Iterator[tuple[int, int]]:
-    part, parts = failed.part, case.parts
-    near = {(part.first + 1, part.last), (part.first, part.last - 1), (part.first, part.last + 1)}
-    near |= {(part.first - 1, part.last), (0, failed.index - 1)}
+    parts = case.parts
+    first, last = _outer(failed.part)
+    near = {(first + 1, last), (first, last - 1), (first, last + 1), (first - 1, last), (0, failed.index - 1)}
     payload = payload_index(parts)
-    near |= {(payload, payload), (payload, part.last)}
+    near |= {(payload, payload), (payload, last)}
     no_magic = next((i for i, p in enumerate(parts) if p.kind not in CONSTANTS), 0)
-    near.add((no_magic, part.last))
+    near.add((no_magic, last))
     return (one for one in _ranges(case, failed) if one in near)
 
 
 def _with_gaps(case: Case, failed: _Failed) -> Guesses:
-    """Ranges that `over:` cannot name: up to the frame's end around the check itself, or with one part left out."""
+    """Ranges with a gap: up to the frame's end around the check itself, or with one part left out."""
     part, parts = failed.part, case.parts
-    own = list(range(part.first, part.last + 1))
-    everything = [i for i in range(part.first, len(parts)) if i != failed.index]
-    selections = [[i for i in own if i != gap] for gap in own[1:-1]]
+    first, last = _outer(part)
+    for gap in range(first + 1, last):
+        if gap != failed.index:
+            yield _replaced(case, failed, replace(part, ranges=_without(first, last, {gap, failed.index})))
     if failed.index < len(parts) - 1 and failed.places[-1][1] <= len(case.data):
-        selections.append(everything)
-    for selection in selections:
-        pieces = [failed.covered(case.data, i, i) for i in selection]
-        around = selection == everything
-        fillers = [b"", bytes(part.size)] if around else [b""]  # the check itself left out, or taken as zeros
-        for filler in fillers:
-            position = sum(1 for i in selection if i < failed.index)
-            covered = b"".join([*pieces[:position], filler, *pieces[position:]])
-            yield _around(case, failed, covered, selection, zeros=bool(filler))
+        around = _without(first, len(parts) - 1, {failed.index})
+        yield _replaced(case, failed, replace(part, ranges=around))
+        yield _with_itself_as_zeros(case, failed, around)
 
 
-def _around(case: Case, failed: _Failed, covered: bytes, selection: list[int], *, zeros: bool) -> Guess | None:
+def _without(first: int, last: int, gaps: set[int]) -> Ranges:
+    """``first`` to ``last`` in as many ranges as are needed to leave the gaps out."""
+    found: list[tuple[int, int]] = []
+    for index in range(first, last + 1):
+        if index in gaps:
+            continue
+        if found and found[-1][1] == index - 1:
+            found[-1] = found[-1][0], index
+        else:
+            found.append((index, index))
+    return tuple(found)
+
+
+def _with_itself_as_zeros(case: Case, failed: _Failed, around: Ranges) -> Guess | None:
+    pieces = [failed.covered(case.data, (one,)) for one in around]
+    position = sum(last < failed.index for _, last in around)
+    covered = b"".join([*pieces[:position], bytes(failed.part.size), *pieces[position:]])
     if not same_check(failed.part, check_value(failed.part, covered, failed.seed), failed.found):
         return None
-    names = ", ".join(case.parts[i].name for i in selection)
-    itself = ", and itself as zeros" if zeros else ""
     start, stop = failed.places[failed.index]
-    held = check_value(failed.part, failed.covered(case.data, failed.part.first, failed.part.last), failed.seed)
+    held = check_value(failed.part, failed.covered(case.data), failed.seed)
     repaired_data = case.data[:start] + held + case.data[stop:]  # so that the examination goes on behind this check
 
-    what = f"the {failed.part.name} {shown_check(failed.part, failed.found)} fits if it covers {names}{itself}"
-    remedy = "no `over:` can say that, for it names one unbroken range; the sender must cover one"
+    names = ranges_text(case.parts, around)
+    shown = shown_check(failed.part, failed.found)
+    what = f"the {failed.part.name} {shown} fits if it covers `{names}` and itself, as zeros"
+    remedy = "no `over:` can say that, for no check covers itself; the sender must leave it out"
     block = stuff(case.protocol.format, repaired_data)
-    return Guess(case.protocol, block, case.sender, what, remedy, key=f"{remedy}: {names}{itself}")
+    return Guess(case.protocol, block, case.sender, what, remedy, key=f"{remedy}: {names}")
 
 
 def byte_orders(case: Case) -> Guesses:
@@ -187,7 +206,7 @@ def seeds(case: Case) -> Guesses:
     message = None if case.verdict is None else case.verdict.message
     if failed is None or message is None or not failed.part.seeded:
         return
-    covered = failed.covered(case.data, failed.part.first, failed.part.last)
+    covered = failed.covered(case.data)
     for seed in range(256):
         if not same_check(failed.part, check_value(failed.part, covered, seed), failed.found):
             yield None
@@ -251,7 +270,7 @@ def all_ranges(case: Case) -> Guesses:
         return
     for first, last in _ranges(case, failed):
         for part in (failed.part, *_other_spelling(failed.part)):
-            yield _replaced(case, failed, replace(part, first=first, last=last))
+            yield _replaced(case, failed, replace(part, ranges=((first, last),)))
 
 
 def all_algorithms_and_ranges(case: Case) -> Guesses:
@@ -261,7 +280,7 @@ def all_algorithms_and_ranges(case: Case) -> Guesses:
     for first, last in _ranges(case, failed):
         for algorithm in ALGORITHMS.values():
             for part in _with_algorithm(failed.part, algorithm):
-                yield _replaced(case, failed, replace(part, first=first, last=last))
+                yield _replaced(case, failed, replace(part, ranges=((first, last),)))
 
 
 def solved(cases: Sequence[Case], *, thorough: bool) -> Solved | None:
@@ -277,18 +296,18 @@ def solved(cases: Sequence[Case], *, thorough: bool) -> Solved | None:
     index, one = next(iter(alike.items()))
     if one.part.seeded or one.part.algorithm is None:
         return None
-    own = one.part.first, one.part.last
+    own = one.part.ranges
     size = one.part.size // 2 if one.part.as_hex else one.part.size
     has_one_order = size == 1 or one.part.as_hex or one.part.as_decimal
     orders = [one.part.order] if has_one_order else sorted(ByteOrder, key=lambda o: o != one.part.order)
-    ways = [(*way, False) for way in product([own, *_near(cases[index], one)], orders)]
+    ways = [(*way, False) for way in product([own, *((near,) for near in _near(cases[index], one))], orders)]
     ways += [(own, one.part.order, True)] * thorough
-    for (first, last), order, takes_seconds in ways:
-        covered = [found.covered(cases[i].data, first, last) for i, found in alike.items()]
+    for ranges, order, takes_seconds in ways:
+        covered = [found.covered(cases[i].data, ranges) for i, found in alike.items()]
         samples = [Sample(data, _number(found, order)) for data, found in zip(covered, alike.values(), strict=True)]
         solution = solve(samples, size, thorough=takes_seconds)
         if solution is not None:
-            part = replace(one.part, algorithm=solution.algorithm, order=order, shift=0, first=first, last=last)
+            part = replace(one.part, algorithm=solution.algorithm, order=order, shift=0, ranges=ranges)
             guesses = {i: _replaced(cases[i], found, part) for i, found in alike.items()}
             return Solved({i: guess for i, guess in guesses.items() if guess is not None}, solution)
     return None
@@ -316,13 +335,14 @@ def as_peers_check(case: Case) -> Guesses:
                 or _written(theirs) != _written(failed.part)
             ):
                 continue
-            ends = [peer.format.parts[theirs.first].name, peer.format.parts[theirs.last].name]
+            ends = [peer.format.parts[index].name for both in theirs.ranges for index in both]
             if any(name not in names for name in ends):
                 continue
-            first, last = (names.index(name) for name in ends)
-            part = replace(theirs, name=failed.part.name, first=first, last=last, condition=failed.part.condition)
-            reachable = first <= last < len(names) and not first <= failed.index <= last
-            if _replaced_key(part) in seen or not reachable or failed.places[last][1] > len(case.data):
+            numbers = [names.index(name) for name in ends]
+            ranges = tuple(zip(numbers[::2], numbers[1::2], strict=True))
+            part = replace(theirs, name=failed.part.name, ranges=ranges, condition=failed.part.condition)
+            reachable = all(first <= last for first, last in ranges) and failed.index not in part.covered
+            if _replaced_key(part) in seen or not reachable or failed.places[max(numbers)][1] > len(case.data):
                 continue
             seen.add(_replaced_key(part))
             guess = _replaced(case, failed, part)
@@ -334,5 +354,5 @@ def _written(part: Part) -> tuple[bool, bool]:
     return part.as_hex, part.as_decimal
 
 
-def _replaced_key(part: Part) -> tuple[Algorithm | None, ByteOrder, int, int, int]:
-    return part.algorithm, part.order, part.shift, part.first, part.last
+def _replaced_key(part: Part) -> tuple[Algorithm | None, ByteOrder, int, Ranges]:
+    return part.algorithm, part.order, part.shift, part.ranges

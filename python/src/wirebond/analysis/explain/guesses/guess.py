@@ -126,7 +126,7 @@ def evidence(verdict: Verdict, before: Verdict | None = None) -> int:
     product = 1
     for index, part in enumerate(verdict.parts):
         if part.kind == PartKind.CHECK and index not in held:
-            covered = sum(p.size for p in verdict.parts[part.first : part.last]) + (verdict.payload_size or 0)
+            covered = sum(verdict.parts[i].size for i in part.covered) + (verdict.payload_size or 0)
             product *= distinct_values(part, covered)
     return product
 
@@ -156,7 +156,8 @@ def with_part(protocol: Protocol, parts: tuple[Part, ...], index: int, part: Par
     whole = protocol.format.parts
     places = {known.name: place for place, known in enumerate(whole)}
     if part.kind == PartKind.CHECK:
-        part = replace(part, first=places[parts[part.first].name], last=places[parts[part.last].name])
+        ranges = tuple((places[parts[first].name], places[parts[last].name]) for first, last in part.ranges)
+        part = replace(part, ranges=ranges)
     if part.kind == PartKind.MAGIC:
         part = replace(part, alternatives=(), by_sender=())
         whole = tuple(_under(known, parts[index].value, part.value) for known in whole)
