@@ -14,7 +14,7 @@ from bench.collateral import SEED, START
 from bench.figures import Figure
 from bench.native import build, instructions
 
-SIZES = (50_000, 150_000)  # bytes
+SHORT, LONG = 50_000, 150_000  # bytes
 GOAL = 400
 
 
@@ -56,12 +56,11 @@ def per_run(program: Path, stream: bytes) -> int:
     return instructions([str(program), str(path)])
 
 
-def measure(sizes: tuple[int, int] = SIZES) -> list[Figure]:
+def measure() -> list[Figure]:
     program = build("work_per_byte")
-    short, long = sizes
     worst = 0.0
     for name, make in INPUTS.items():
-        per_byte = (per_run(program, make(long)) - per_run(program, make(short))) / (long - short)
+        per_byte = (per_run(program, make(LONG)) - per_run(program, make(SHORT))) / (LONG - SHORT)
         print(f"{name}: {per_byte:.1f} instructions per byte")
         worst = max(worst, per_byte)
     return [Figure("worst_ir_per_byte", worst, "instructions", GOAL, "make bench ONLY=work_per_byte")]

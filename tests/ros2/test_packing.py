@@ -104,7 +104,7 @@ def drawn_mappings(codec: Codec, draw: random.Random) -> list[Outgoing]:
                 if source is not None:
                     fields[target] = source
             topic = {"message": message.name, "topic": "t", "type": name, "fields": fields}
-            topics.append(topic | ({"frame": "base"} if "header" in str(fields) else {}))
+            topics.append(topic | ({"frame": "base"} if any("header" in target for target in fields) else {}))
     text = json.dumps({"wirebond_ros2": 1, "publish": topics})
     return list(read_mapping(text, codec.model).publish)
 
