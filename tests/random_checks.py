@@ -30,6 +30,7 @@ def random_check(chance: random.Random) -> tuple[str, int]:
         options.append(f"init: {chance.randint(0, begin):#x}")
     options += _words(kind, width, chance)
     options += _last_steps(kind, every, chance)
+    options += _sent(kind, width, random.Random(", ".join(options)))  # so that these draws move no others
     return ", ".join(options), (width + 7) // 8
 
 
@@ -77,4 +78,14 @@ def _last_steps(kind: str, every: int, chance: random.Random) -> list[str]:
         options += [f"plus: {chance.randint(0, every):#x}"] * (chance.random() < 0.2)
     options += [f"mask: {chance.randint(0, every):#x}"] * (chance.random() < 0.2)
     options += [f"xorout: {chance.randint(0, every):#x}"] * (chance.random() < 0.4)
+    return options
+
+
+def _sent(kind: str, width: int, chance: random.Random) -> list[str]:
+    """From the number that the check is to the one that is sent."""
+    options = ["bcd: true"] * (kind == "sum" and width % 4 == 0 and chance.random() < 0.2)
+    if 5 <= width <= 8 and chance.random() < 0.2:
+        high = chance.randint(1, (1 << width - 1) - 1)
+        values = chance.choice((f"0..{high:#x}", f"[0, {high}]"))
+        options.append(f"avoid: {{values: {values}, plus: {high + 1}}}")
     return options

@@ -281,6 +281,7 @@ class _FormatSource:
             if part.kind != "field":
                 part.name = part.name or f"p{index}"
         self._draw_checks()
+        self._put_a_check_into_bits()
         if self._chance(0.3):
             size = self._random.randint(1, 2)
             self._parts.append(Part("tail", self._bytes(size), size))
@@ -672,6 +673,28 @@ class _FormatSource:
                 if i not in range(own[0], own[1] + 1) and self._parts[i].kind != "check"
             ]
         return [(i, i) for i in self._checks.sample(free, min(len(free), self._checks.randint(1, 3)))]
+
+    def _put_a_check_into_bits(self) -> None:
+        """At times bits behind the payload are a check, of which no check before them covers anything."""
+        kinds = [part.kind for part in self._parts]
+        first_check = kinds.index("check") if "check" in kinds else len(kinds)
+        least = self._payload_index() + 1
+        is_free = self._framing in ("start", "silence", "brackets") and first_check >= least
+        if not is_free or kinds.count("check") >= MAX_CHECKS - 1 or self._checks.random() < 0.6:
+            return
+        held = [i for i in range(least, first_check) if "fields: {after: 5" in " ".join(self._parts[i].options)]
+        if not held:
+            others = self._checks.choice(("mark: {bits: 3, constant: 5}", "loose: 3"))
+            held = [self._checks.randint(least, first_check)]
+            self._parts.insert(held[0], Part("bits", "u8", 1, [f"fields: {{after: 5, {others}}}"], name="held"))
+        kind, width = self._checks.choice((("crc-5/usb", 5), ("crc-8/smbus", 8), ("xor8", 8), ("sum16", 16)))
+        first = self._checks.randint(0, held[0])
+        over = _range_text(*(self._parts[i].name for i in (first, self._checks.randint(first, held[0]))))
+        seeded = ", seed: message" * (self._seeded and self._checks.random() < 0.5)
+        from_bit = self._checks.randint(0, width - 5)
+        check = f"{{bits: 5, check: {{type: {kind}, over: {over}{seeded}}}, from_bit: {from_bit}}}"
+        part = self._parts[held[0]]
+        part.options[0] = part.options[0].replace("after: 5", f"after: {check}", 1)
 
     # ---- messages
 

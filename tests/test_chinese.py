@@ -102,7 +102,25 @@ def test_a_value_that_is_refused_is_refused_in_chinese(message: str, fields: dic
     assert chinese(str(raised.value)) is not None, str(raised.value)
 
 
-@pytest.mark.parametrize(("name", "codec"), [pytest.param(*each, id=each[0]) for each in protocols()])
+CHECKS = """\
+wirebond: 1
+protocol: checks
+frame:
+  - magic: 0x5A
+  - id: u8
+  - {bits: u8, fields: {parity: {bits: 4, check: {type: sum8, over: magic..bits}, from_bit: 4}, counter: 4}}
+  - check: {type: sum, width: 16, unit: 2, odd: xor, modulo: 9999, plus: 3, mask: 0x7FFF, bcd: true}
+  - payload: 4
+  - name: last
+    check:
+      {type: sum, width: 8, unit: 4, carry: end_around, over: [id, payload], avoid: {values: 0..9, plus: 10}}
+messages: {data: {id: 1, sender: mcu, fields: {data: u32}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "codec"), [pytest.param(*each, id=each[0]) for each in [*protocols(), ("checks", Codec(loads(CHECKS)))]]
+)
 def test_the_document_of_a_protocol_is_chinese_but_for_the_words_of_its_file(name: str, codec: Codec) -> None:
     del name
     own = set(re.findall("[A-Za-z]{2,}", codec.model.text)) | NOTATION

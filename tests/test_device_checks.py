@@ -67,6 +67,35 @@ def test_the_words_of_the_stm32_are_those_of_its_manual() -> None:
     assert codec.encode("word", word=0x12345678).hex() == "78563412df8a8a2b"
 
 
+SUMMED = """\
+wirebond: 1
+protocol: summed
+frame: [constant: 0x02, payload: 4, check: {{type: sum8, over: payload, {options}}}]
+messages: {{data: {{sender: mcu, fields: {{data: {{type: bytes, size: 4}}}}}}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("options", "data", "value"),
+    [
+        ("modulo: 100, bcd: true", "64 64 64 0c", 0x12),  # 312
+        ("bcd: true", "ff 00 00 00", 0x55),  # 255: there is room for two digits
+        ("avoid: {values: 0..0x1F, plus: 0x20}", "10 0f 00 00", 0x3F),
+        ("avoid: {values: 0..0x1F, plus: 0x20}", "10 10 00 00", 0x20),
+        ("avoid: {values: [0x0A, 0x0D], plus: 0xFF}", "0a 00 00 03", 0x0C),
+        ("avoid: {values: 010, plus: 1}", "0a 00 00 00", 0x0B),
+        ("mask: 0x7F, avoid: {values: [0, 0x0A..0x0D], plus: 0x30}", "80 00 00 00", 0x30),
+    ],
+)
+def test_a_sum_is_sent_as_its_last_steps_say(options: str, data: str, value: int) -> None:
+    codec = wirebond.Codec(loads(SUMMED.format(options=options)))
+    raw = codec.encode("data", data=bytes.fromhex(data))
+    assert raw == bytes([0x02]) + bytes.fromhex(data) + bytes([value])
+    [message] = codec.decoder("mcu").feed(raw)
+    assert message.fields["data"] == bytes.fromhex(data)
+    assert codec.decoder("mcu").feed(raw[:-1] + bytes([value ^ 1])) == []
+
+
 WORDS = "type: xor16, odd: refuse"
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import random
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -323,9 +324,17 @@ def test_formats_that_once_disagreed(seed: int) -> None:
     verify_sent(drawn, source)
 
 
-@pytest.mark.parametrize("first", [0, 12])
-def test_three_decoders_agree_on_random_formats(first: int, tmp_path: Path) -> None:
-    verify_formats([drawn_format(seed) for seed in range(first, first + 12)], 100, tmp_path, BUILD)
+CHECKS_IN_BITS = (65, 74, 145)
+
+
+@pytest.mark.parametrize("seeds", [range(12), (*range(12, 24), *CHECKS_IN_BITS)], ids=["first", "others"])
+def test_three_decoders_agree_on_random_formats(seeds: Sequence[int], tmp_path: Path) -> None:
+    verify_formats([drawn_format(seed) for seed in seeds], 100, tmp_path, BUILD)
+
+
+def test_some_formats_have_checks_in_bits() -> None:
+    parts = [part for seed in CHECKS_IN_BITS for part in drawn_format(seed).codec.model.format.parts]
+    assert sum(part.in_bits is not None for part in parts) == len(CHECKS_IN_BITS)
 
 
 def test_three_decoders_agree_on_random_checks(tmp_path: Path) -> None:

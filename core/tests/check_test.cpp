@@ -197,6 +197,28 @@ TEST_CASE("a value is negated, raised, masked and combined in this order") {
   CHECK(value_of(a, bytes, 3, 0) == (((0x55 - 0xC2) & 0x7F) ^ 0x80));
 }
 
+TEST_CASE("a sum is sent in decimal digits") {
+  const std::uint8_t bytes[] = {0xFF, 0x02};
+  CheckAlgorithm a = algorithm(CheckKind::sum, 16);
+  a.bcd = true;
+  CHECK(value_of(a, bytes, 2, 1) == 0x0257);
+  a.width_bits = 12;
+  a.plus = 900;
+  CHECK(value_of(a, bytes, 2, 1) == 0x157);  // 1 157: the highest digit has no room
+}
+
+TEST_CASE("a value that is to be avoided is raised once") {
+  CheckAlgorithm a = algorithm(CheckKind::exclusive_or, 8);
+  a.avoided_count = 2;
+  a.avoided = {{{0x00, 0x1F}, {0x7F, 0x7F}}};
+  a.avoided_plus = 0xC0;
+  for (unsigned byte = 0; byte < 256; ++byte) {
+    const std::uint8_t one[] = {static_cast<std::uint8_t>(byte)};
+    const bool is_avoided = byte <= 0x1F || byte == 0x7F;
+    CHECK(value_of(a, one, 1, 0) == (is_avoided ? (byte + 0xC0) % 256 : byte));
+  }
+}
+
 TEST_CASE("bits are reflected within their width") {
   static_assert(detail::reflect(0x1, 8) == 0x80);
   static_assert(detail::reflect(0x1021, 16) == 0x8408);

@@ -108,6 +108,8 @@ Form read_form(nb::handle plan) {
         rule.more.at(rule.more_count++) = range;
       }
     }
+    rule.run = read_number(check.attr("run"));
+    rule.covers_run = nb::cast<bool>(check.attr("covers_run"));
     rule.at = read_position(check.attr("at"));
     rule.bytes = nb::cast<std::uint8_t>(check.attr("bytes"));
     rule.order = byte_order_of(check.attr("order"));
@@ -189,6 +191,11 @@ CheckAlgorithm read_algorithm(nb::handle algorithm) {
   out.end_around = nb::cast<bool>(algorithm.attr("end_around"));
   out.plus = nb::cast<std::uint64_t>(algorithm.attr("plus"));
   out.keep = nb::cast<std::uint64_t>(algorithm.attr("kept"));
+  out.bcd = nb::cast<bool>(algorithm.attr("bcd"));
+  for (nb::handle values : algorithm.attr("avoided")) {
+    out.avoided.at(out.avoided_count++) = {nb::cast<std::uint8_t>(values[0]), nb::cast<std::uint8_t>(values[1])};
+  }
+  out.avoided_plus = nb::cast<std::uint8_t>(algorithm.attr("avoided_plus"));
   return out;
 }
 

@@ -376,7 +376,8 @@ Stream draw_stream(const wirebond::RuntimeSource& source, const std::vector<wire
 /// Where a byte is sent as it is, without stuffing, it may be a delimiter, and then ends the frame too early.
 bool holds_delimiter(const wirebond::FrameFormat& format, const std::uint8_t* wire, std::size_t size) {
   if (wirebond::delimiter_bytes(format) == 0) return false;
-  const bool is_stuffed = format.stuffing != wirebond::Stuffing::none;
+  const bool is_stuffed =
+      format.stuffing != wirebond::Stuffing::none && format.stuffing != wirebond::Stuffing::decimal_check;
   const std::size_t begin = wirebond::opening_bytes(format);
   const std::size_t end = size - format.closing.size;
   for (std::size_t at = begin; at < end; ++at) {

@@ -40,7 +40,12 @@ inline void print_form(const wirebond::Form& form) {
     std::fprintf(stderr, "  check of algorithm %u%s:", rule.algorithm, i < form.header_checks ? " (header)" : "");
     print_position("over", rule.from);
     print_position("to", rule.to);
+    for (std::size_t range = 0; range < rule.more_count; ++range) {
+      print_position("and over", rule.more[range].from);
+      print_position("to", rule.more[range].to);
+    }
     print_position("at", rule.at);
+    if (rule.run.present()) print_number(rule.covers_run ? "covered run" : "run", rule.run);
     std::fprintf(stderr, " bytes %u shift %u%s%s continues %d\n", rule.bytes, rule.shift, rule.seeded ? " seeded" : "",
                  rule.as_hex ? " as hex" : "", rule.continues);
   }
@@ -48,7 +53,8 @@ inline void print_form(const wirebond::Form& form) {
 
 inline void print_format(const wirebond::FrameFormat& format) {
   static constexpr const char* framings[] = {"by_start", "delimited", "bracketed", "silence", "sized"};
-  static constexpr const char* stuffings[] = {"none", "cobs", "escape", "hex", "insertion"};
+  static constexpr const char* stuffings[] = {"none",         "cobs", "escape", "hex", "insertion", "hex_after_digit",
+                                              "decimal_check"};
   std::fprintf(
       stderr,
       "format: %s, stuffing %s, delimiters %02X %02X, %02X %02X%s, escape %02X xor %02X, max_payload %u, unknown %s\n",

@@ -50,6 +50,36 @@ FRAMES = [
     ("id: u8, payload: 20, check: {type: crc-64/xz, @unit: 2}", "a check over words has at most 32 bits"),
     ("id: u8, payload: 20, check: {type: xor8, @unit: 2}", "8 bits do not hold words of 16; write `unit: 1`"),
     ("id: u8, payload: 20, check: {type: crc-32, unit: 4, @odd: xor}", "a CRC has no `odd: xor`"),
+    ("id: u8, payload: 20, check: {type: xor8, @bcd: true}", "only a sum has `bcd`; remove it"),
+    ("id: u8, payload: 20, check: {type: sum, width: 10, @bcd: true}", "10 are no multiple of that; write `width: 12`"),
+    (
+        "id: u8, payload: 20, check: {type: sum16, @avoid: {values: 0x0D, plus: 1}}",
+        "only a check of up to 8 bits, sent as a byte, has values to avoid; remove `avoid`",
+    ),
+    (
+        "id: u8, payload: 20, check: {type: sum8, text: hex, @avoid: {values: 0x0D, plus: 1}}",
+        "only a check of up to 8 bits, sent as a byte, has values to avoid; remove `avoid`",
+    ),
+    (
+        "id: u8, payload: 20, check: {type: sum8, @avoid: {values: 0x0D, plus: 0x100}}",
+        "the check has 8 bits; write values and `plus` of at most 0xff",
+    ),
+    (
+        "id: u8, payload: 20, check: {type: sum8, @avoid: {values: 0x0A..0x0D, plus: 1}}",
+        "0xa becomes 0xb, which is to be avoided, too; write another `plus`",
+    ),
+    (
+        "id: u8, payload: 20, check: {type: sum8, avoid: {values: @0x0D..0x0A, plus: 1}}",
+        "`0x0D..0x0A` is not a range of byte values; write one such as 0..0x1F",
+    ),
+    (
+        "id: u8, payload: 20, check: {type: sum8, avoid: {values: @CR, plus: 1}}",
+        "`CR` is not a byte's value; write one, or a range such as 0..0x1F",
+    ),
+    (
+        "id: u8, payload: 20, check: {type: sum8, avoid: {values: @[1, 2, 3, 4, 5], plus: 8}}",
+        "this list has 5 entries; write 1 to 4 values or ranges",
+    ),
     ("id: u8, payload: 20, check: {type: crc, width: 8, poly: @0x107}", "0x107 has more than 8 bits"),
     ("id: u8, payload: 20, check: {type: crc, width: 16, poly: @0x8408}", "a CRC's polynomial is odd"),
     (

@@ -25,6 +25,8 @@ def check_holds(
     sizes = [payload_size if i == payload_at else p.size if id(p) in there else 0 for i, p in enumerate(everything)]
     part = everything[index]
     assert part.algorithm is not None
+    if part.in_bits is not None:
+        return _run_holds(everything, sizes, index, data, message)
     covered = b"".join(data[sum(sizes[:first]) : sum(sizes[: last + 1])] for first, last in part.ranges)
     if part.is_plain and any(not everything[i].is_plain for i in part.covered):
         covered = b"".join(wire[sum(sizes[:first]) : len(wire) - sum(sizes[last + 1 :])] for first, last in part.ranges)
@@ -44,6 +46,26 @@ def check_holds(
     return value >= 0 and found == (value >> part.shift) % 256**width
 
 
+def _run_holds(
+    everything: tuple[Part, ...], sizes: list[int], index: int, data: bytes, message: Message | None
+) -> bool:
+    """Of a check that has some bits of the part before it. These count as zeros."""
+    part, holder = everything[index], everything[index - 1]
+    assert part.algorithm is not None
+    assert part.in_bits is not None
+    start, stop = sum(sizes[: index - 1]), sum(sizes[:index])
+    bits = f"{int.from_bytes(data[start:stop], order_of(holder.order)):0{8 * holder.size}b}"[::-1]
+    low, high = part.in_bits.shift, part.in_bits.shift + part.in_bits.width
+    found = int(bits[low:high][::-1], 2)
+    others = int((bits[:low] + "0" * (high - low) + bits[high:])[::-1], 2)
+    cleared = data[:start] + others.to_bytes(holder.size, order_of(holder.order)) + data[stop:]
+    covered = b"".join(cleared[sum(sizes[:first]) : sum(sizes[: last + 1])] for first, last in part.ranges)
+    if part.seeded:
+        covered += bytes([message.seed or 0 if message is not None else 0])
+    value = checksum(part.algorithm, covered)
+    return value >= 0 and value // 2**part.in_bits.value % 2 ** (high - low) == found
+
+
 def checksum(algorithm: Algorithm, data: bytes) -> int:
     """One bit at a time, as the definition says. -1, which no frame holds, where no value fits."""
     size, order = algorithm.unit, order_of(algorithm.unit_order)
@@ -61,7 +83,13 @@ def checksum(algorithm: Algorithm, data: bytes) -> int:
         value ^= byte
     every = 2**algorithm.width - 1
     value = (-value if algorithm.negate else value) + algorithm.plus
-    return (value & (every if algorithm.mask is None else algorithm.mask) & every) ^ algorithm.xorout
+    value = (value & (every if algorithm.mask is None else algorithm.mask) & every) ^ algorithm.xorout
+    if algorithm.bcd:
+        value = sum(value // 10**digit % 10 * 16**digit for digit in range(algorithm.width // 4))
+    for low, high in algorithm.avoided:
+        if value in range(low, high + 1):
+            return (value + algorithm.avoided_plus) % 2**algorithm.width
+    return value
 
 
 def _exclusive_or(algorithm: Algorithm, numbers: list[int]) -> int:

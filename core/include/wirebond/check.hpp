@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <type_traits>
 
+#include "wirebond/bits.hpp"
 #include "wirebond/bytes.hpp"
 
 namespace wirebond {
@@ -23,6 +24,15 @@ enum class OddTail : std::uint8_t {
   exclusive_or,  ///< each byte is combined with the register as a number of its own
   refuse,        ///< no value fits: the frame is refused, and not sent
 };
+
+/// Values from `low` to `high` that a check of one byte must not have on the wire.
+struct AvoidedValues {
+  std::uint8_t low;
+  std::uint8_t high;
+};
+
+/// Maximum number of ranges of values that a check avoids.
+constexpr std::size_t max_avoided = 4;
 
 /// One algorithm, by parameters. CRC parameters follow Williams' "A Painless Guide to CRC Error Detection Algorithms"
 /// (1993), as in the reveng catalogue: `poly` and `init` are written most significant bit first.
@@ -42,6 +52,10 @@ struct CheckAlgorithm {
   bool end_around = false;     ///< sum: a carry out of the highest bit is added to the lowest one
   std::uint64_t plus = 0;      ///< added before `keep`
   std::uint64_t keep = ~0ull;  ///< bits of the value that are kept, before xor_out
+  bool bcd = false;            ///< of a sum: in decimal digits of four bits each, after xor_out
+  std::uint8_t avoided_count = 0;
+  std::uint8_t avoided_plus = 0;  ///< added, once, to a value that is to be avoided
+  std::array<AvoidedValues, max_avoided> avoided{};
 };
 
 namespace detail {
@@ -108,15 +122,28 @@ WIREBOND_INLINE constexpr bool reflects_end(const CheckAlgorithm& a) {
   return a.kind == CheckKind::crc && a.reflect_in != a.reflect_out;
 }
 
-/// Do the part of `check_end` after the reflection.
+/// Do the part of `check_end` from the reflection to the final exclusive-or.
 WIREBOND_INLINE constexpr std::uint64_t check_finish(const CheckAlgorithm& a, std::uint64_t reg) {
   if (a.negate) reg = ~reg + 1;
   return (((reg + a.plus) & a.keep) ^ a.xor_out) & mask_of(a.width_bits);
 }
 
-/// Check whether `check_finish` is an exclusive-or with `xor_out`.
+/// Check whether what is sent is not the value itself.
+WIREBOND_INLINE constexpr bool is_sent_otherwise(const CheckAlgorithm& a) { return a.bcd || a.avoided_count != 0; }
+
+/// Return what is sent for a value: its decimal digits, or another value.
+WIREBOND_INLINE constexpr std::uint64_t sent_for(const CheckAlgorithm& a, std::uint64_t value) {
+  if (a.bcd) value = to_bcd(value) & mask_of(a.width_bits);
+  for (std::size_t i = 0; i < a.avoided_count; ++i) {
+    const bool is_avoided = a.avoided[i].low <= value && value <= a.avoided[i].high;
+    if (is_avoided) return (value + a.avoided_plus) & mask_of(a.width_bits);
+  }
+  return value;
+}
+
+/// Check whether a check ends with an exclusive-or with `xor_out`, and nothing else.
 WIREBOND_INLINE constexpr bool finishes_plainly(const CheckAlgorithm& a) {
-  return !a.negate && a.plus == 0 && (a.keep & mask_of(a.width_bits)) == mask_of(a.width_bits);
+  return !a.negate && a.plus == 0 && (a.keep & mask_of(a.width_bits)) == mask_of(a.width_bits) && !is_sent_otherwise(a);
 }
 
 /// Take one number: a byte or a word. Not for CRCs.
@@ -222,7 +249,8 @@ WIREBOND_INLINE constexpr std::uint64_t end_words(const CheckAlgorithm& a, std::
 WIREBOND_INLINE constexpr std::uint64_t check_end(const CheckAlgorithm& a, std::uint64_t reg) {
   if (a.unit > 1) reg = detail::end_words(a, reg);
   if (detail::reflects_end(a)) reg = detail::reflect(reg, a.width_bits);
-  return detail::check_finish(a, reg);
+  reg = detail::check_finish(a, reg);
+  return detail::is_sent_otherwise(a) ? detail::sent_for(a, reg) : reg;
 }
 
 /// Check whether the register stands behind an incomplete word that `odd_tail` refuses.

@@ -82,13 +82,23 @@ WIREBOND_INLINE void write_check(const Source& source, const Form& form, std::si
       from = form.checks[earlier].to.in(covered_by<Source>(form, earlier, size));
     }
   }
-  reg = source.check_update(rule.algorithm, reg, frame + from, rule.to.in(covered)-from);
+  if constexpr (most.is_in_bits) {
+    if (rule.run.present()) clear_number(rule.run, frame, covered);  // of a frame that is closed again
+    reg = over_range(source, rule, reg, frame, from, rule.to.in(covered), covered);
+  } else {
+    reg = source.check_update(rule.algorithm, reg, frame + from, rule.to.in(covered)-from);
+  }
   if constexpr (most.more_ranges != 0) reg = over_more_ranges(source, rule, reg, frame, covered);
   if constexpr (most.is_continued) registers.of[index] = reg;
   if constexpr (most.is_seeded) {
     if (rule.seeded) {
       const std::uint8_t seed = source.message(id).seed;
       reg = source.check_update(rule.algorithm, reg, &seed, 1);
+    }
+  }
+  if constexpr (most.is_in_bits) {
+    if (rule.run.present()) {
+      return write_number(rule.run, frame, covered, end_of(source, rule.algorithm, reg) >> rule.shift);
     }
   }
   const std::uint64_t value = (end_of(source, rule.algorithm, reg) >> rule.shift) & mask_of(8u * rule.bytes);

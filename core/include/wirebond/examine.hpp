@@ -107,7 +107,11 @@ WIREBOND_INLINE bool check_holds(const Source& source, const Form& form, std::si
     reg = registers.of[rule.continues];
     from = form.checks[static_cast<std::size_t>(rule.continues)].to.in(frame_size);
   }
-  reg = source.check_update(rule.algorithm, reg, frame + from, to - from);
+  if constexpr (most.is_in_bits) {
+    reg = over_range(source, rule, reg, frame, from, to, frame_size);
+  } else {
+    reg = source.check_update(rule.algorithm, reg, frame + from, to - from);
+  }
   if constexpr (most.more_ranges != 0) reg = over_more_ranges(source, rule, reg, frame, frame_size);
   if constexpr (most.is_continued) registers.of[index] = reg;
   if constexpr (most.is_seeded) {
@@ -115,6 +119,10 @@ WIREBOND_INLINE bool check_holds(const Source& source, const Form& form, std::si
   }
   if constexpr (may_take_words<Source>()) {
     if (is_refused(source.format().algorithms[rule.algorithm], reg)) return false;
+  }
+  if constexpr (most.is_in_bits) {
+    const std::uint64_t value = end_of(source, rule.algorithm, reg) >> rule.shift;
+    if (rule.run.present()) return (value & rule.run.mask) == read_wide(rule.run, frame, frame_size);
   }
   const std::uint64_t expected = (end_of(source, rule.algorithm, reg) >> rule.shift) & mask_of(8u * rule.bytes);
   const std::uint8_t* const at = frame + rule.at.in(frame_size);

@@ -64,7 +64,7 @@ struct CheckRange {
   Position to{};
 };
 
-/// A check over [from, to) and then over the ranges in `more`, stored in `bytes` bytes at `at`.
+/// A check over [from, to) and then over the ranges in `more`, stored in `bytes` bytes at `at`, or in `run`.
 struct CheckRule {
   std::uint8_t algorithm = 0;  ///< index into FrameFormat::algorithms
   Position from{};
@@ -79,6 +79,8 @@ struct CheckRule {
   std::int8_t continues = -1;  ///< an earlier check with the same start and algorithm, whose register is continued
   std::uint8_t more_count = 0;
   std::array<CheckRange, max_check_ranges - 1> more{};  ///< in the order of the check, each outside the others
+  Number run{};             ///< where it has only some bits of its bytes; `at`, `bytes` and `order` are then unused
+  bool covers_run = false;  ///< a range holds the bytes of `run`, whose bits count as zeros
 };
 
 /// Place in a form of a number that is neither length nor id: a named field or a sequence number. Its bits are as on

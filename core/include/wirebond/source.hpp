@@ -9,6 +9,7 @@
 
 #include "wirebond/check.hpp"
 #include "wirebond/format.hpp"
+#include "wirebond/placed_number.hpp"
 #include "wirebond/unroll.hpp"
 
 namespace wirebond {
@@ -89,6 +90,7 @@ struct PartCounts {
   bool is_on_wire = false;
   bool is_continued = false;
   std::size_t more_ranges = 0;  ///< of one check, behind its first
+  bool is_in_bits = false;
 };
 
 /// Check whether the source's frames may be found this way. If the format folds, code for other ways is not even
@@ -132,6 +134,7 @@ constexpr PartCounts count_parts() {
         most.is_on_wire = most.is_on_wire || form.checks[c].on_wire;
         most.is_continued = most.is_continued || form.checks[c].continues >= 0;
         raise(most.more_ranges, form.checks[c].more_count);
+        most.is_in_bits = most.is_in_bits || form.checks[c].run.present();
       }
     }
     return most;
@@ -147,7 +150,8 @@ constexpr PartCounts count_parts() {
             true,
             true,
             true,
-            max_check_ranges - 1};
+            max_check_ranges - 1,
+            true};
   }
 }
 
@@ -161,14 +165,35 @@ constexpr bool may_have(PayloadSize size) {
   return part_counts<Source>.payload_sizes[static_cast<std::size_t>(size)];
 }
 
+/// Run a check over [from, to) in a frame of `size` bytes. Its own bits count as zeros.
+template <class Source>
+WIREBOND_INLINE std::uint64_t over_range(const Source& source, const CheckRule& rule, std::uint64_t reg,
+                                         const std::uint8_t* frame, std::size_t from, std::size_t to,
+                                         [[maybe_unused]] std::size_t size) {
+  if constexpr (part_counts<Source>.is_in_bits) {
+    const std::size_t at = rule.covers_run ? rule.run.at.in(size) : to;
+    if (from <= at && at < to) {
+      std::uint8_t own[sizeof(std::uint64_t)];
+      Number run = rule.run;
+      run.at = {};
+      for (unsigned i = 0; i < run.bytes; ++i) own[i] = frame[at + i];
+      clear_number(run, own, 0);
+      reg = source.check_update(rule.algorithm, reg, frame + from, at - from);
+      reg = source.check_update(rule.algorithm, reg, own, run.bytes);
+      from = at + run.bytes;
+    }
+  }
+  return source.check_update(rule.algorithm, reg, frame + from, to - from);
+}
+
 /// Run a check over its ranges behind the first one, in a frame of `size` bytes.
 template <class Source>
 WIREBOND_INLINE std::uint64_t over_more_ranges(const Source& source, [[maybe_unused]] const CheckRule& rule,
                                                std::uint64_t reg, const std::uint8_t* frame, std::size_t size) {
   every<Source::is_constant, part_counts<Source>.more_ranges>(
       0, rule.more_count, [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
-        const std::size_t from = rule.more[i].from.in(size);
-        reg = source.check_update(rule.algorithm, reg, frame + from, rule.more[i].to.in(size)-from);
+        const CheckRange& range = rule.more[i];
+        reg = over_range(source, rule, reg, frame, range.from.in(size), range.to.in(size), size);
         return true;
       });
   return reg;
@@ -244,6 +269,19 @@ constexpr bool may_take_words() {
   }
 }
 
+/// Check whether what a check of the source sends may not be its value itself.
+template <class Source>
+constexpr bool may_send_otherwise() {
+  if constexpr (folds<Source>(0)) {
+    for (std::size_t i = 0; i < Source{}.format().algorithm_count; ++i) {
+      if (is_sent_otherwise(Source{}.format().algorithms[i])) return true;
+    }
+    return false;
+  } else {
+    return true;
+  }
+}
+
 /// Register before the first byte.
 template <class Source>
 WIREBOND_INLINE std::uint64_t begin_of(const Source& source, unsigned algorithm) {
@@ -259,7 +297,8 @@ WIREBOND_INLINE std::uint64_t begin_of(const Source& source, unsigned algorithm)
 /// Return the check's value, computed from the register after the last byte.
 template <class Source>
 WIREBOND_INLINE std::uint64_t end_of(const Source& source, unsigned algorithm, std::uint64_t reg) {
-  if constexpr (Source::is_constant && !may_reflect<Source>() && !may_take_words<Source>()) {
+  if constexpr (Source::is_constant && !may_reflect<Source>() && !may_take_words<Source>() &&
+                !may_send_otherwise<Source>()) {
     return check_finish(source.format().algorithms[algorithm], reg);
   } else if constexpr (Source::is_constant) {
     return check_end(source.format().algorithms[algorithm], reg);

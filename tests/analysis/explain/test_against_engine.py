@@ -187,7 +187,8 @@ def _frame_with(proto: Codec, described: MessageModel, payload: bytes) -> list[M
             data += len(payload).to_bytes(part.size, order)
         elif part.kind == PartKind.CHECK:
             places = spans(frame_format.parts, len(payload))
-            data += check_value(part, covered_bytes(part, bytes(data), places), seed=0)
+            index = frame_format.parts.index(part)
+            data += check_value(part, covered_bytes(frame_format.parts, index, bytes(data), places), seed=0)
         else:
             data += part.value or bytes(part.size)
     wire = bytes(data)

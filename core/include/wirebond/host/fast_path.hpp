@@ -229,7 +229,7 @@ class FastPath {
     const CheckAlgorithm& a = format.algorithms[rule.algorithm];
     const bool runs_on = rule.at.from_end == rule.to.from_end && rule.at.offset == rule.to.offset &&
                          8u * rule.bytes == a.width_bits && rule.shift == 0 && !rule.seeded && !rule.as_hex &&
-                         !rule.on_wire && rule.more_count == 0;
+                         !rule.on_wire && rule.more_count == 0 && !rule.run.present();
     const bool ordered = a.width_bits == 8 || (rule.order == ByteOrder::little) == a.reflect_in;
     return a.kind == CheckKind::crc && detail::finishes_plainly(a) && a.unit == 1 && a.reflect_in == a.reflect_out &&
            runs_on && ordered && !rule.from.from_end;

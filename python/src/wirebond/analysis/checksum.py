@@ -31,7 +31,13 @@ def checksum(algorithm: Algorithm, data: bytes) -> int:
         value = _reflected(value, run.width)
     if run.negate:
         value = -value
-    return ((value + run.plus & run.kept) ^ run.xorout) >> shift
+    value = (value + run.plus & run.kept) ^ run.xorout
+    if run.bcd:
+        digits = run.width // 4
+        value = int(str(value)[-digits:], 16)
+    if any(low <= value <= high for low, high in run.avoided):
+        value = value + run.avoided_plus & (1 << run.width) - 1
+    return value >> shift
 
 
 def _words(algorithm: Algorithm, data: bytes) -> Iterable[int]:

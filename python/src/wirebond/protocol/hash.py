@@ -108,13 +108,16 @@ def _part(part: Part) -> dict[str, Any]:
         entry |= {"more_ranges": more} if more else {}
         entry |= {"seeded": part.seeded, "as_hex": part.as_hex}
         entry |= {"as_decimal": True} if part.as_decimal else {}
+        entry |= {"in_bits": part.in_bits.name} if part.in_bits is not None else {}
     return entry
 
 
 def _more_than_before(a: Algorithm) -> list[Any]:
     """What checks can be since protocols have hashes: nothing of those that were possible before."""
     more = [a.unit, a.unit_order.value if a.unit > 1 else "", a.odd.value, a.end_around, a.plus, a.kept]
-    return more if more != [1, "", "pad", False, 0, (1 << a.width) - 1] else []
+    more = [] if more == [1, "", "pad", False, 0, (1 << a.width) - 1] else more
+    last = ["bcd"] * a.bcd + (["avoid", a.avoided, a.avoided_plus] if a.avoided else [])
+    return more + last
 
 
 def _condition(condition: Condition) -> list[Any]:

@@ -129,13 +129,19 @@ def offsets_of(form_parts: FormParts, algorithms: list[Algorithm], places: dict[
         continues = -1
         for earlier_index, earlier in enumerate(rules):
             (begin, end), *more = earlier.ranges
-            same = earlier.algorithm == algorithm and begin == start and not more and not part.on_wire
+            is_plain = not more and not earlier.covers_run and not part.on_wire
+            same = earlier.algorithm == algorithm and begin == start and is_plain
             # Both ends count from the start, or this one lies behind the payload: the earlier range is inside.
             inside = not end.from_end and (stop.from_end or end.offset <= stop.offset)
             if same and inside:
                 continues = earlier_index
         size = part.size // 2 if part.as_hex else part.size
         at = start_of(index)
+        own: Number | None = None
+        if part.in_bits is not None:
+            holder = parts[index - 1]
+            at = start_of(index - 1)
+            own = Number(at, holder.size, holder.order, part.in_bits.shift, part.in_bits.mask)
         rules.append(
             CheckRule(
                 algorithm,
@@ -148,6 +154,8 @@ def offsets_of(form_parts: FormParts, algorithms: list[Algorithm], places: dict[
                 part.as_hex,
                 part.on_wire,
                 continues,
+                own,
+                own is not None and index - 1 in part.covered,
             )
         )
     payload_unit, payload_rest = _refused_sizes(parts, payload_index, [part for _, _, part in checks])

@@ -69,6 +69,13 @@ class CheckRule:
     as_hex: bool
     on_wire: bool  # over the bytes as they are sent, after stuffing
     continues: int  # index of an earlier check, or -1
+    run: Number | None  # where it has only some bits of its bytes
+    covers_run: bool  # a range holds the bytes of ``run``, whose bits count as zeros
+
+    @property
+    def bits(self) -> int:
+        """How many bits of a frame it decides."""
+        return 8 * self.bytes if self.run is None else self.run.mask.bit_length()
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,8 @@ def register_of(algorithm: Algorithm) -> tuple[Algorithm, int]:
             xorout=algorithm.xorout << shift,
             plus=algorithm.plus << shift,
             mask=algorithm.kept << shift,  # a carry out of the narrow value is dropped
+            avoided=tuple((low << shift, high << shift) for low, high in algorithm.avoided),
+            avoided_plus=algorithm.avoided_plus << shift,
         ),
         shift,
     )

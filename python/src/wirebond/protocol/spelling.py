@@ -78,9 +78,9 @@ def _digits_text(digits: Digits) -> str:
 
 def ranges_text(parts: tuple[Part, ...], ranges: tuple[tuple[int, int], ...]) -> str:
     """``id..payload``, ``payload`` alone or ``[id..length, payload]``, as behind ``over:``."""
-    texts = [
-        parts[first].name if first == last else f"{parts[first].name}..{parts[last].name}" for first, last in ranges
-    ]
+    # A check among shared bits is meant with the part that has them.
+    ends = [(parts[first].name, parts[last - (parts[last].in_bits is not None)].name) for first, last in ranges]
+    texts = [first if first == last else f"{first}..{last}" for first, last in ends]
     return texts[0] if len(texts) == 1 else f"[{', '.join(texts)}]"
 
 
@@ -135,10 +135,12 @@ def _value_text(comparison: Comparison, value: int) -> str:
 
 def part_text(parts: tuple[Part, ...], index: int) -> str:
     """One part as a line of the ``frame`` section, without the dash: ``check: {type: xor8, over: id..payload}``."""
+    if parts[index].in_bits is not None:
+        index -= 1  # whose text says what it is
     part = parts[index]
     if part.kind not in _SPELLINGS:
         raise NotImplementedError(f"spelling.py has no entry for the part '{part.kind}'")
-    options = [f"{part.kind.value}: {_SPELLINGS[part.kind](parts, index)}", *_options(part)]
+    options = [f"{part.kind.value}: {_SPELLINGS[part.kind](parts, index)}", *_options(parts, index)]
     if part.kind != PartKind.FIELD and part.name.rstrip("_0123456789") != part.kind.value:
         options.append(f"name: {part.name}")
     if part.condition is not None:
@@ -148,14 +150,16 @@ def part_text(parts: tuple[Part, ...], index: int) -> str:
     return text if len(options) == 1 else f"{{{text}}}"
 
 
-def _options(part: Part) -> list[str]:
+def _options(parts: tuple[Part, ...], index: int) -> list[str]:
     """What stands beside the key that says which part it is."""
+    part = parts[index]
     options = []
     if part.kind == PartKind.FIELD:
         assert part.header is not None
         options += [f"type: {field_type(part.header.value)}", *header_options(part.header)]
     elif part.kind == PartKind.BITS:
-        options.append(f"fields: {{{', '.join(_run(run) for run in part.bits)}}}")
+        check = _check(parts, index + 1) if any(run.role == BitRole.CHECK for run in part.bits) else ""
+        options.append(f"fields: {{{', '.join(_run(run, check) for run in part.bits)}}}")
         options += _length_options(part)
     elif part.kind == PartKind.SEQUENCE:
         assert part.header is not None
@@ -198,9 +202,12 @@ def _value(value: Fraction | float | int | str) -> str:
     return str(int(value)) if value == int(value) else repr(float(value))
 
 
-def _run(run: Bits) -> str:
+def _run(run: Bits, check: str) -> str:
     if run.role == BitRole.CONSTANT:
         return f"{run.name}: {{bits: {run.width}, constant: {run.value}}}"
+    if run.role == BitRole.CHECK:
+        from_bit = f", from_bit: {run.value}" if run.value else ""
+        return f"{run.name}: {{bits: {run.width}, check: {check}{from_bit}}}"
     if run.header is None or run.header.value.kind == FieldKind.UNSIGNED:
         key, word = "bits", str(run.width)
     else:
@@ -286,6 +293,11 @@ def _parameters(algorithm: Algorithm, order: ByteOrder) -> list[str]:
         options.append(f"mask: {algorithm.kept:#x}")
     if algorithm.xorout != plain.xorout or (algorithm.kind == CheckKind.CRC and not named):
         options.append(f"xorout: {algorithm.xorout:#x}")
+    if algorithm.bcd:
+        options.append("bcd: true")
+    if algorithm.avoided:
+        values = ", ".join(f"{low:#x}" if low == high else f"{low:#x}..{high:#x}" for low, high in algorithm.avoided)
+        options.append(f"avoid: {{values: [{values}], plus: {algorithm.avoided_plus:#x}}}")
     return options
 
 
@@ -295,9 +307,9 @@ def _check(parts: tuple[Part, ...], index: int) -> str:
     assert algorithm is not None
     size = part.size // 2 if part.as_hex else part.size
     options = _parameters(algorithm, part.order)
-    if 8 * size < algorithm.width:
+    if 8 * size < algorithm.width and part.in_bits is None:
         options.append("byte: high" if part.shift else "byte: low")
-    if part.ranges != ((0, index - 1),):
+    if part.ranges != ((0, index - 1 - (part.in_bits is not None)),):
         options.append(f"over: {ranges_text(parts, part.ranges)}")
     if part.as_hex:
         options.append("text: hex")

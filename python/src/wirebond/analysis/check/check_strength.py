@@ -173,7 +173,7 @@ def _reason(protocol: Protocol) -> str:
         return f"in an exclusive-or two wrong bits at the same place of two {units} cancel"
     if algorithm.kind == CheckKind.FLETCHER:
         return "Fletcher's sums are weak against errors close together, and some of them do not tell 0x00 from 0xFF"
-    bits = min((4 if part.as_hex else 8) * part.size, algorithm.kept.bit_count())
+    bits = min(part.check_bits, algorithm.kept.bit_count())
     if bits < 16:
         return f"a check of {bits} bits agrees by chance with 1 in {count(2**bits)} damaged frames"
     return "this check does not suit these frames: they are too long for it, or part of them is not covered"

@@ -104,7 +104,7 @@ def expected_rate(protocol: Protocol, sender: End) -> float | None:
 
 def _constants_and_checks(form: Form) -> float:
     bits = sum(constant.mask.bit_count() for constant in form.constants)
-    return 2.0 ** -(bits + sum(8 * rule.bytes for rule in form.checks))
+    return 2.0 ** -(bits + sum(rule.bits for rule in form.checks))
 
 
 def _sizes(form: Form, message: Message) -> tuple[int, int]:

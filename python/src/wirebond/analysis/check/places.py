@@ -52,4 +52,6 @@ class Places:
                 for key, entry in item.entries.items() if isinstance(item, Mapping) else ():
                     found.append((key, entry.key_place))
                     todo.append(entry.value)  # parts within a stuffed part
+                    runs = entry.value.entries.values() if isinstance(entry.value, Mapping) else ()
+                    found += [("check", run.key_place) for run in runs if "check" in getattr(run.value, "entries", ())]
         return found

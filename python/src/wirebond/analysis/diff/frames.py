@@ -86,7 +86,8 @@ def _parts(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterator[Change
         return
     texts = [[_identity(parts, i) for i in range(len(parts))] for parts in (before, after)]
     matcher = SequenceMatcher(None, texts[0], texts[1], autojunk=False)
-    steps = [step for tag, *bounds in matcher.get_opcodes() if tag != "equal" for step in _single(_Step(*bounds))]
+    changed_parts = [_Step(*bounds) for tag, *bounds in matcher.get_opcodes() if tag != "equal"]
+    steps = [step for whole_step in changed_parts for step in _single(before, after, whole_step)]
     whole = {sides.flow: _breaks(sides.sender, sides.receiver, sides.flow.sender) for sides in routes}
     others = {s.flow: "" if whole[s.flow] else _loses_others(s.sender, s.receiver, s.flow.sender) for s in routes}
     told: set[object] = set()
@@ -124,17 +125,18 @@ def _identity(parts: tuple[Part, ...], index: int) -> str:
     return f"{part.name}: {part_text(parts, index)} {part.is_plain} {part.order if part.size > 1 else ''}"
 
 
-def _single(step: _Step) -> list[_Step]:
-    """Part by part where as many came as went."""
+def _single(before: tuple[Part, ...], after: tuple[Part, ...], step: _Step) -> list[_Step]:
+    """Part by part where as many came as went. A check among shared bits stays with the part that has them."""
     count = step.b - step.a
-    if count != step.d - step.c:
+    has_runs = any(part.in_bits is not None for part in (*before[step.a : step.b], *after[step.c : step.d]))
+    if count != step.d - step.c or has_runs:
         return [step]
     return [_Step(step.a + i, step.a + i + 1, step.c + i, step.c + i + 1) for i in range(count)]
 
 
 def _step_text(before: tuple[Part, ...], after: tuple[Part, ...], step: _Step) -> str:
-    gone = ", ".join(f"`{part_text(before, i)}`" for i in range(step.a, step.b))
-    came = ", ".join(f"`{part_text(after, i)}`" for i in range(step.c, step.d))
+    gone = ", ".join(f"`{part_text(before, i)}`" for i in range(step.a, step.b) if before[i].in_bits is None)
+    came = ", ".join(f"`{part_text(after, i)}`" for i in range(step.c, step.d) if after[i].in_bits is None)
     if gone == came:
         names = [parts[i].name for parts, i in ((before, step.a), (after, step.c))]
         return (

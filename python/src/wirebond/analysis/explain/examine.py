@@ -16,6 +16,7 @@ from wirebond.analysis.explain.layout import (
     counted_beside_payload,
     covered_bytes,
     fixed_bits,
+    found_check,
     hex_of,
     id_text,
     length_index,
@@ -423,13 +424,12 @@ class _Examination:
 
     def _check(self, index: int, places: list[tuple[int, int]], cause: Cause, extent: int) -> None:
         part = self.parts[index]
-        start, stop = places[index]
         seed = self.message.seed or 0 if self.message is not None else 0
-        covered = covered_bytes(part, self.data, places)
+        covered = covered_bytes(self.parts, index, self.data, places)
         if part.on_wire and self.block is not None:  # each range ends as far from the block's end as from the frame's
             grown = len(self.block) - len(self.data)
             covered = b"".join(self.block[places[first][0] : places[last][1] + grown] for first, last in part.ranges)
         expected = check_value(part, covered, seed)
-        found = self.data[start:stop]
+        found = found_check(self.parts, index, self.data, places)
         shown = shown_check(part, expected), shown_check(part, found)
         self._rule(Question.CHECK, index, same_check(part, expected, found), *shown, cause, extent)

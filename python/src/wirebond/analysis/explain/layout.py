@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from wirebond.analysis.checksum import checksum
 from wirebond.protocol.model import BitRole, ByteOrder, LengthCounts, Part, PartKind, Subject
 from wirebond.protocol.model.forms import Choice
@@ -11,6 +13,10 @@ CONSTANTS = (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL)
 
 def hex_of(data: bytes) -> str:
     return data.hex(" ").upper()
+
+
+def _order(part: Part) -> Literal["big", "little"]:
+    return "big" if part.order == ByteOrder.BIG else "little"
 
 
 def read_number(part: Part, data: bytes) -> int:
@@ -73,8 +79,14 @@ def counted_beside_payload(parts: tuple[Part, ...], index: int) -> int:
     )
 
 
-def covered_bytes(part: Part, data: bytes, places: list[tuple[int, int]]) -> bytes:
+def covered_bytes(parts: tuple[Part, ...], index: int, data: bytes, places: list[tuple[int, int]]) -> bytes:
     """The bytes that a check covers, in its order. ``places``: of all parts in ``data``."""
+    part = parts[index]
+    run = part.in_bits
+    if run is not None and index - 1 in part.covered:  # its own bits count as zeros
+        holder, (start, stop) = parts[index - 1], places[index - 1]
+        others = read_number(holder, data[start:stop]) & ~(run.mask << run.shift)
+        data = data[:start] + others.to_bytes(holder.size, _order(holder)) + data[stop:]
     first, last = part.ranges[0]
     covered = data[places[first][0] : places[last][1]]
     for first, last in part.ranges[1:]:
@@ -82,11 +94,34 @@ def covered_bytes(part: Part, data: bytes, places: list[tuple[int, int]]) -> byt
     return covered
 
 
+def found_check(parts: tuple[Part, ...], index: int, data: bytes, places: list[tuple[int, int]]) -> bytes:
+    """What a frame has as its check; of a run of bits the number, the highest byte first."""
+    run = parts[index].in_bits
+    start, stop = places[index if run is None else index - 1]
+    if run is None:
+        return data[start:stop]
+    number = read_number(parts[index - 1], data[start:stop]) >> run.shift & run.mask
+    return number.to_bytes((run.width + 7) // 8, "big")
+
+
+def with_check(parts: tuple[Part, ...], index: int, data: bytes, places: list[tuple[int, int]], value: bytes) -> bytes:
+    """The frame with this value, as `check_value` gives it, as its check."""
+    run = parts[index].in_bits
+    start, stop = places[index if run is None else index - 1]
+    if run is not None:
+        holder = parts[index - 1]
+        others = read_number(holder, data[start:stop]) & ~(run.mask << run.shift)
+        value = (others | int.from_bytes(value, "big") << run.shift).to_bytes(holder.size, _order(holder))
+    return data[:start] + value + data[stop:]
+
+
 def check_value(part: Part, covered: bytes, seed: int) -> bytes:
     """What a check part holds on the wire when it covers these bytes."""
     assert part.algorithm is not None
     size = part.size // 2 if part.as_hex else part.size
     value = checksum(part.algorithm, covered + bytes([seed]) if part.seeded else covered) >> part.shift
+    if part.in_bits is not None:
+        return (value & part.in_bits.mask).to_bytes((part.in_bits.width + 7) // 8, "big")
     value &= (1 << 8 * size) - 1
     if part.as_hex:
         return f"{value:0{part.size}X}".encode()

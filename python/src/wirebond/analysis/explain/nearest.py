@@ -24,7 +24,15 @@ from wirebond.analysis.explain.guesses.guess import (
     reading,
     test,
 )
-from wirebond.analysis.explain.layout import check_value, covered_bytes, same_check, shown_check, spans
+from wirebond.analysis.explain.layout import (
+    check_value,
+    covered_bytes,
+    found_check,
+    same_check,
+    shown_check,
+    spans,
+    with_check,
+)
 from wirebond.analysis.explain.report import Changes, FittingGuess
 from wirebond.analysis.explain.solve import LEAST_SAMPLES
 from wirebond.analysis.explain.stuffing import stuff
@@ -151,11 +159,10 @@ def repaired(case: Case) -> str:
     for index, part in enumerate(case.parts):
         if part.kind != PartKind.CHECK:
             continue
-        start, stop = places[index]
-        value = check_value(part, covered_bytes(part, data, places), case.verdict.seed)
-        if not same_check(part, value, data[start:stop]):
+        value = check_value(part, covered_bytes(case.parts, index, data, places), case.verdict.seed)
+        if not same_check(part, value, found_check(case.parts, index, data, places)):
             right.append(f"{part.name} {shown_check(part, value)}")
-        data = data[:start] + value + data[stop:]
+        data = with_check(case.parts, index, data, places, value)
     found = look(case.protocol, stuff(case.protocol.format, data), case.sender)
     if found is None or not found[0].is_frame:
         return ""

@@ -10,6 +10,7 @@ from wirebond.analysis.explain.layout import (
     check_value,
     counted_beside_payload,
     covered_bytes,
+    found_check,
     hex_of,
     id_text,
     payload_index,
@@ -92,8 +93,10 @@ def check_text(parts: tuple[Part, ...], part: Part) -> str:
     """``sum16 high byte over id..payload``."""
     assert part.algorithm is not None
     name = part.algorithm.name
-    if 8 * (part.size // 2 if part.as_hex else part.size) < part.algorithm.width:
+    if part.in_bits is None and part.check_bits < part.algorithm.width:
         name += " high byte" if part.shift else " low byte"
+    elif part.in_bits is not None and part.in_bits.width < part.algorithm.width:
+        name += f" bits {part.shift} to {part.shift + part.in_bits.width - 1}"
     text = f"{name} over {ranges_text(parts, part.ranges)}"
     text += " and the message's seed" if part.seeded else ""
     return f"{text}, in hex digits" if part.as_hex else f"{text}, in decimal digits" if part.as_decimal else text
@@ -220,8 +223,9 @@ def _check(context: Context) -> str:
     places = context.places
     if not known or places[part.last_covered][1] > len(context.data):
         return text
-    expected = check_value(part, covered_bytes(part, context.data, places), context.verdict.seed)
-    holds = same_check(part, expected, context.bytes_of(context.index))
+    covered = covered_bytes(parts, context.index, context.data, places)
+    expected = check_value(part, covered, context.verdict.seed)
+    holds = same_check(part, expected, found_check(parts, context.index, context.data, places))
     return f"{text}: holds" if holds else f"{text}: is {shown_check(part, expected)}"
 
 

@@ -89,7 +89,7 @@ class _FormWorth:
     def __init__(self, form: Form, protocol: Protocol, over: Background, messages: list[Message]) -> None:
         self._form = form
         self._constants = sum(over.masked_bits(c.value, c.mask) for c in form.constants)
-        self._checks = sum(rule.bytes for rule in form.checks)
+        self._checks = sum(rule.bits for rule in form.checks) / _BYTE_BITS
         self._told = 0
         if form.id is not None:
             self._told += form.id.mask.bit_count()

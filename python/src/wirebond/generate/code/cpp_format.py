@@ -112,6 +112,10 @@ def format_lines(plan: Plan) -> list[str]:
                 lines.append(f"{to}.checks[{i}].more[{place}] = {{{', '.join(map(_position, ends))}}};")
             if len(c.ranges) > 1:
                 lines.append(f"{to}.checks[{i}].more_count = {len(c.ranges) - 1};")
+            if c.run is not None:
+                lines.append(f"{to}.checks[{i}].run = {_number(c.run)};")
+            if c.covers_run:
+                lines.append(f"{to}.checks[{i}].covers_run = true;")
     return lines
 
 
@@ -159,8 +163,14 @@ def _algorithm(algorithm: Algorithm) -> str:
         bool_literal(algorithm.end_around),
         f"0x{algorithm.plus:X}U",
         f"0x{algorithm.kept:X}U",
+        bool_literal(algorithm.bcd),
+        str(len(algorithm.avoided)),
+        f"0x{algorithm.avoided_plus:X}U",
+        f"{{{{{', '.join(f'{{0x{low:X}U, 0x{high:X}U}}' for low, high in algorithm.avoided)}}}}}",
     ]
-    defaults = ["0", "false", "1", "false", "wirebond::OddTail::pad", "false", "0x0U", f"0x{2**algorithm.width - 1:X}U"]
+    every = f"0x{2**algorithm.width - 1:X}U"
+    defaults = ["0", "false", "1", "false", "wirebond::OddTail::pad", "false", "0x0U", every]
+    defaults += ["false", "0", "0x0U", "{{}}"]
     while rest and rest[-1] == defaults[len(rest) - 1]:
         rest.pop()
     return f"{{{', '.join([_check_kind(algorithm), str(algorithm.width), flags, numbers, *rest])}}}"

@@ -17,7 +17,7 @@ _STUFFINGS = {
 
 
 def diagram(frame_format: FrameFormat, longest_payload: int) -> list[str]:
-    parts = frame_format.parts
+    parts = [part for part in frame_format.parts if part.in_bits is None]
     columns = [_column(part, longest_payload) for part in parts]
     widths = [max(len(line) for line in column) + 2 for column in columns]
     rule = "+" + "+".join("-" * width for width in widths) + "+"
@@ -26,10 +26,13 @@ def diagram(frame_format: FrameFormat, longest_payload: int) -> list[str]:
         lines.append("|" + "|".join(f" {c[row]:<{w - 1}}" for c, w in zip(columns, widths, strict=True)) + "|")
     lines.append(rule)
     starts = [1 + sum(widths[:i]) + i for i in range(len(parts))]
-    for part in parts:
+    shown = [parts.index(part) if part.in_bits is None else -1 for part in frame_format.parts]
+    for index, place in enumerate(shown):  # a check among shared bits is shown in the column that has them
+        shown[index] = shown[index - 1] if place < 0 else place
+    for part in frame_format.parts:
         if part.kind == PartKind.CHECK:
             spans = ""
-            for first, last in sorted(part.ranges):
+            for first, last in sorted((shown[first], shown[last]) for first, last in part.ranges):
                 spans = spans.ljust(starts[first])
                 spans += "<" + "-" * (starts[last] + widths[last] - starts[first] - 2) + ">"
             lines.append(f"{spans}  covered by {part.name}")

@@ -65,6 +65,8 @@ def _rows(protocol: Protocol) -> list[tuple[str, ...]]:
         shown = str(stop - start) if index != payload or size is not None else f"0 to {protocol.format.max_payload}"
         if part.as_decimal:
             shown = f"1 to {decimal_digits(part.size)}"
+        if part.in_bits is not None:
+            continue
         there_if = "" if part.condition is None else f"`{condition_text(part.condition)}`"
         content = _content(protocol, index)
         rows.append((part.name, offset if firm else "", shown, _type(part), content, there_if))
@@ -84,13 +86,17 @@ def _type(part: Part) -> str:
 
 def _bits(frame_format: FrameFormat) -> list[str]:
     lines: list[str] = []
-    for part in frame_format.parts:
+    for part, check in zip(frame_format.parts, (*frame_format.parts[1:], frame_format.parts[0]), strict=True):
         if part.bits:
             rows = [
                 (
                     str(run.shift) if run.width == 1 else f"{run.shift} to {run.shift + run.width - 1}",
                     run.name,
-                    f"always {run.value}" if run.role == BitRole.CONSTANT else "",
+                    f"always {run.value}"
+                    if run.role == BitRole.CONSTANT
+                    else check_text(frame_format.parts, check)
+                    if run.role == BitRole.CHECK
+                    else "",
                 )
                 for run in part.bits
             ]
@@ -322,7 +328,10 @@ def checks_chapter(protocol: Protocol) -> list[str]:
     for part in protocol.format.parts:
         if part.algorithm is None:
             continue
-        if 8 * (part.size // 2 if part.as_hex else part.size) < part.algorithm.width:
+        if part.in_bits is not None and part.in_bits.width < part.algorithm.width:
+            bits = f"bits {part.shift} to {part.shift + part.in_bits.width - 1}"
+            lines += [f"Of this value {part.name} carries the {bits} alone.", ""]
+        elif part.check_bits < part.algorithm.width and part.in_bits is None:
             byte = "highest" if part.shift else "lowest"
             lines += [f"Of this value {part.name} carries the {byte} byte alone.", ""]
         if part.as_hex:
@@ -330,6 +339,8 @@ def checks_chapter(protocol: Protocol) -> list[str]:
         if part.as_decimal:
             digits = f"decimal digits, 1 to {decimal_digits(part.size)} of them, without leading zeros"
             lines += [f"{part.name} is sent as {digits}; receivers also accept leading zeros.", ""]
+        if part.in_bits is not None and protocol.format.parts.index(part) - 1 in part.covered:
+            lines += [f"The bits of {part.name} itself count as zeros.", ""]
         if part.seeded:
             lines += [
                 f"For {part.name} one byte more is counted behind the range, and not sent: the message's seed.",
@@ -370,7 +381,16 @@ def _algorithm(algorithm: Algorithm) -> list[str]:
         rows.append(("added to it", f"0x{algorithm.plus:0{width}X}"))
     if algorithm.kept != (1 << algorithm.width) - 1:
         rows.append(("mask", f"0x{algorithm.kept:0{width}X}"))
-    rows += [("xorout", f"0x{algorithm.xorout:0{width}X}"), (f'value over "{digits}"', f"0x{value:0{width}X}")]
+    rows.append(("xorout", f"0x{algorithm.xorout:0{width}X}"))
+    if algorithm.bcd:
+        rows.append(("form", "decimal digits of four bits each"))
+    if algorithm.avoided:
+        values = ", ".join(
+            f"0x{low:02X}" if low == high else f"0x{low:02X}..0x{high:02X}" for low, high in algorithm.avoided
+        )
+        rows.append(("values that are not sent", values))
+        rows.append(("added to such a value", f"0x{algorithm.avoided_plus:02X}"))
+    rows.append((f'value over "{digits}"', f"0x{value:0{width}X}"))
     return [
         f"### {algorithm.name}",
         "",

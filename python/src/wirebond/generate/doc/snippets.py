@@ -28,7 +28,8 @@ def c_function(algorithm: Algorithm) -> list[str]:
         *(f"    {line}" for line in after),
         *_c_tail(algorithm),
         *(f"    {end} = {step};" for step in _last_steps(algorithm, end, _c_number, "0 - ")),
-        f"    return ({returned})({_xored(end, algorithm, _c_number)});",
+        *(f"    {line}" for line in _c_sent(algorithm, end)),
+        f"    return ({returned})({_returned(end, algorithm, _c_number)});",
         "}",
     ]
 
@@ -43,7 +44,8 @@ def python_function(algorithm: Algorithm) -> list[str]:
         *(f"    {line}" for line in after),
         *_python_tail(algorithm),
         *(f"    {end} = {step}" for step in _last_steps(algorithm, end, _hex, "-")),
-        f"    return {_xored(end, algorithm, _hex)}",
+        *(f"    {line}" for line in _python_sent(algorithm, end)),
+        f"    return {_returned(end, algorithm, _hex)}",
     ]
 
 
@@ -99,7 +101,49 @@ def _last_steps(algorithm: Algorithm, name: str, number: _Number, minus: str) ->
         steps.append(f"({name} + {number(algorithm.plus, algorithm)}) & {number(_mask(algorithm), algorithm)}")
     if algorithm.kept != _mask(algorithm):
         steps.append(f"{name} & {number(algorithm.kept, algorithm)}")
+    if algorithm.xorout and not _is_xored_last(algorithm):
+        steps.append(f"{name} ^ {number(algorithm.xorout, algorithm)}")
     return steps
+
+
+def _is_xored_last(algorithm: Algorithm) -> bool:
+    return not algorithm.bcd and not algorithm.avoided
+
+
+def _c_sent(algorithm: Algorithm, name: str) -> list[str]:
+    """From the number that the check is to the one that is sent."""
+    lines = []
+    if algorithm.bcd:
+        places = reversed(range(algorithm.width // 4))
+        digits = " | ".join(f"({name} / {10**place}u % 10u) << {4 * place}" for place in places)
+        lines.append(f"{name} = {digits};")
+    if algorithm.avoided:
+        either = " || ".join(_c_between(name, low, high) for low, high in algorithm.avoided)
+        plus, mask = (_c_number(value, algorithm) for value in (algorithm.avoided_plus, _mask(algorithm)))
+        lines.append(f"if ({either}) {name} = ({name} + {plus}) & {mask};")
+    return lines
+
+
+def _python_sent(algorithm: Algorithm, name: str) -> list[str]:
+    lines = []
+    if algorithm.bcd:
+        places = reversed(range(algorithm.width // 4))
+        digits = " | ".join(f"({name} // {10**place} % 10) << {4 * place}" for place in places)
+        lines.append(f"{name} = {digits}")
+    if algorithm.avoided:
+        either = " or ".join(
+            f"{name} == 0x{low:02X}" if low == high else f"0x{low:02X} <= {name} <= 0x{high:02X}"
+            for low, high in algorithm.avoided
+        )
+        plus, mask = (_hex(value, algorithm) for value in (algorithm.avoided_plus, _mask(algorithm)))
+        lines += [f"if {either}:", f"    {name} = ({name} + {plus}) & {mask}"]
+    return lines
+
+
+def _c_between(name: str, low: int, high: int) -> str:
+    if low == high:
+        return f"{name} == 0x{low:02X}u"
+    return f"{name} <= 0x{high:02X}u" if low == 0 else f"({name} >= 0x{low:02X}u && {name} <= 0x{high:02X}u)"
 
 
 _Number = Callable[[int, Algorithm], str]
@@ -147,8 +191,9 @@ def _c_number(value: int, algorithm: Algorithm) -> str:
     return _hex(value, algorithm) + ("ULL" if algorithm.width > 32 else "u")
 
 
-def _xored(text: str, algorithm: Algorithm, number: _Number) -> str:
-    return f"{text} ^ {number(algorithm.xorout, algorithm)}" if algorithm.xorout else text
+def _returned(name: str, algorithm: Algorithm, number: _Number) -> str:
+    is_xored = algorithm.xorout and _is_xored_last(algorithm)
+    return f"{name} ^ {number(algorithm.xorout, algorithm)}" if is_xored else name
 
 
 def _c_bits(algorithm: Algorithm) -> _Code:

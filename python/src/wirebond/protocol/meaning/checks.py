@@ -15,6 +15,7 @@ from wirebond.protocol.text.yaml_tree import Mapping
 _CRC_ALONE = ("poly", "refin", "refout")
 _MOST_BITS = 32  # of what is no CRC, and of every check over words
 _FEWEST_CRC_BITS = 3
+_BYTE = 8  # bits
 
 
 def algorithm_of(check: Check, node: Mapping, order: ByteOrder, wrong: Callable[[Place, str], None]) -> Algorithm:
@@ -99,6 +100,7 @@ class _Reader:
             (("carry",), (CheckKind.SUM,), "a sum"),
             (("modulo",), (CheckKind.SUM, CheckKind.FLETCHER), "a sum or Fletcher's"),
             (("sums_to",), (CheckKind.SUM,), "a sum"),
+            (("bcd",), (CheckKind.SUM,), "a sum"),
         ):
             for key in keys:
                 if self._given(key) is not None and base.kind not in kinds:
@@ -132,6 +134,10 @@ class _Reader:
             found = replace(found, odd=OddTail(odd))
         if (carry := self._given("carry")) is not None:
             found = replace(found, end_around=carry == "end_around")
+        if self._given("bcd"):
+            found = replace(found, bcd=True)
+        if self._check.avoid is not None:
+            found = replace(found, avoided=self._check.avoid.values, avoided_plus=self._check.avoid.plus)
         if found.unit == 1:
             return found
         if (given := self._given("unit_order")) is not None:
@@ -144,6 +150,13 @@ class _Reader:
             self._wrong(self._node.value_place("modulo"), f"{room} bits hold less; write at most {2**room}")
         if found.kind == CheckKind.SUM and found.modulus and found.init >= found.modulus:
             self._wrong(self._node.key_place("init"), f"a sum modulo {found.modulus} begins below that; write less")
+        if found.bcd and found.width % 4:
+            self._wrong(
+                self._node.key_place("bcd"),
+                f"a decimal digit has four bits, and {found.width} are no multiple of that"
+                f"; write `width: {found.width + -found.width % 4}`",
+            )
+        self._validate_avoided(found)
         if found.unit == 1:
             return
         if found.width > _MOST_BITS:
@@ -158,3 +171,26 @@ class _Reader:
             )
         if found.kind == CheckKind.CRC and found.odd == OddTail.XOR:
             self._wrong(self._node.key_place("odd"), "a CRC has no `odd: xor`; write pad or refuse")
+
+    def _validate_avoided(self, found: Algorithm) -> None:
+        if not found.avoided:
+            return
+        place = self._node.key_place("avoid")
+        if found.width > _BYTE or self._given("text") is not None:
+            self._wrong(place, "only a check of up to 8 bits, sent as a byte, has values to avoid; remove `avoid`")
+            return
+        every = (1 << found.width) - 1
+        if found.avoided_plus > every or any(high > every for _, high in found.avoided):
+            self._wrong(place, f"the check has {found.width} bits; write values and `plus` of at most {every:#x}")
+            return
+
+        def is_avoided(value: int) -> bool:
+            return any(low <= value <= high for low, high in found.avoided)
+
+        for value in filter(is_avoided, range(every + 1)):
+            instead = value + found.avoided_plus & every
+            if is_avoided(instead):
+                self._wrong(
+                    place, f"{value:#x} becomes {instead:#x}, which is to be avoided, too; write another `plus`"
+                )
+                return

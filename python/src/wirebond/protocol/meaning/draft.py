@@ -135,7 +135,7 @@ def _is_strong(parts: tuple[Part, ...]) -> bool:
     telling = (PartKind.ID, PartKind.LENGTH, PartKind.PAYLOAD, PartKind.BITS)
     said = [i for i, p in enumerate(parts) if p.kind in telling]
     return any(
-        min((4 if part.as_hex else 8) * part.size, part.algorithm.kept.bit_count()) >= STRONG_CHECK_BITS
+        min(part.check_bits, part.algorithm.kept.bit_count()) >= STRONG_CHECK_BITS
         and not part.seeded
         and set(range(min(said), max(said) + 1)) - {index} <= set(part.covered)
         for index, part in enumerate(parts)

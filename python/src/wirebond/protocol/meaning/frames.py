@@ -98,6 +98,7 @@ class _FrameReader:
             elif isinstance(syntax, PartSyntax) and isinstance(node, Mapping):
                 inner.append((syntax, node))
                 plain.append(envelope.stuffing != Stuffing.NONE)
+        inner, plain = self._with_checks_in_bits(inner, plain)
         parts = [
             replace(_lower(syntax, self._order), is_plain=is_plain)
             for (syntax, _), is_plain in zip(inner, plain, strict=True)
@@ -105,6 +106,7 @@ class _FrameReader:
         nodes = [node for _, node in inner]
         parts = self._with_header(parts, inner)
         parts = self._with_conditions(parts, inner)
+        parts = _with_runs_of_checks(parts)
         names = self._names(parts, inner)
         self._validate_places(parts, nodes, place, envelope)
         self._validate_bits(parts, nodes)
@@ -116,6 +118,7 @@ class _FrameReader:
         envelope = self._with_decimal_check(parts, nodes, envelope)
         self._mark_checks_on_wire(parts, nodes, envelope)
         self._validate_order_of_checks(parts, nodes)
+        self._validate_checks_in_bits(parts, nodes)
         parts = [replace(part, name=name) for part, name in zip(parts, _unique(names), strict=True)]
         draft = Draft(tuple(parts), tuple(node.place for node in nodes), envelope)
         if self._good:
@@ -123,6 +126,30 @@ class _FrameReader:
         if self._good:
             self._validate_whole(draft, place)
         return draft if self._good else None
+
+    def _with_checks_in_bits(
+        self, inner: list[tuple[PartSyntax, Mapping]], plain: list[bool]
+    ) -> tuple[list[tuple[PartSyntax, Mapping]], list[bool]]:
+        """Behind a part whose bits are shared stands its check, as a part without bytes of its own."""
+        found: list[tuple[PartSyntax, Mapping]] = []
+        marks: list[bool] = []
+        for (syntax, node), is_plain in zip(inner, plain, strict=True):
+            found.append((syntax, node))
+            marks.append(is_plain)
+            if not isinstance(syntax, BitsPart):
+                continue
+            checks = [(name, run.check) for name, run in syntax.fields.items() if run.check is not None]
+            for name, check in checks[:1]:
+                found.append(
+                    (CheckPart.model_construct(name=name, check=check, when=None), self._run_node(node, name)[0])
+                )
+                marks.append(is_plain)
+            for name, _ in checks[1:]:
+                self._wrong(
+                    self._run_node(node, name)[1],
+                    f"`{checks[0][0]}` is a check in these bits already; give this one bits of its own",
+                )
+        return found, marks
 
     # ---- header fields ----
 
@@ -211,9 +238,14 @@ class _FrameReader:
             self._wrong(place, f"`{run.name}` needs its number of bits; write `bits: 4` or a `type`, not both")
         if syntax.per is not None and run.role != BitRole.SEQUENCE:
             self._wrong(node.key_place("per"), "`per` is for a run `sequence`; remove it")
+        if syntax.from_bit is not None and run.role != BitRole.CHECK:
+            self._wrong(node.key_place("from_bit"), "`from_bit` is for a run that is a check; remove it")
         if run.role == BitRole.FIELD:
             return
-        what = "a constant" if run.role == BitRole.CONSTANT else f"a run `{run.role}`"
+        if run.role == BitRole.CHECK and (syntax.constant is not None or run.name in _RUN_ROLES):
+            self._wrong(place, "a run is a check, or something else; write one of the two")
+        named = {BitRole.CONSTANT: "a constant", BitRole.CHECK: "a check"}
+        what = named.get(run.role, f"a run `{run.role}`")
         for option in meaning_given(syntax):
             self._wrong(node.key_place(option), f"`{option}` is for header fields, and this is {what}; remove it")
         if syntax.type is not None and syntax.type.kind != FieldKind.UNSIGNED:
@@ -246,6 +278,8 @@ class _FrameReader:
         algorithm = algorithm_of(check, where, order, self._wrong)
         size, shift = (algorithm.width + 7) // 8, 0
         as_hex, as_decimal = check.text == "hex", check.text == "decimal"
+        if part.in_bits is not None:
+            return self._lower_run(index, parts, names, replace(part, algorithm=algorithm), check, where, node)
         if check.byte is not None:
             shift = algorithm.width - 8 if check.byte == "high" else 0
             if size == 1:
@@ -253,7 +287,7 @@ class _FrameReader:
             size = 1
         ranges: tuple[tuple[int, int], ...] = ((0, index - 1),)
         if check.over is not None:
-            ranges = self._lower_ranges(index, names, check.over, where.value_place("over"))
+            ranges = self._lower_ranges(index, parts, names, check.over, where.value_place("over"))
         elif index == 0:
             self._wrong(node.place, "nothing precedes this check; move it behind what it covers, or say `over:`")
         return replace(
@@ -268,23 +302,66 @@ class _FrameReader:
             shift=shift,
         )
 
+    def _lower_run(
+        self,
+        index: int,
+        parts: list[Part],
+        names: list[str],
+        part: Part,
+        check: CheckSyntax,
+        where: Mapping,
+        node: Mapping,
+    ) -> Part:
+        """A check that has some bits of the part before it."""
+        run, algorithm = part.in_bits, part.algorithm
+        assert run is not None
+        assert algorithm is not None
+        for key in ("byte", "byte_order", "text"):
+            if getattr(check, key) is not None:
+                instead = "write `from_bit` beside `bits`" if key == "byte" else "remove it"
+                self._wrong(where.key_place(key), f"`{key}` is for a check with bytes of its own; {instead}")
+        if run.value + run.width > algorithm.width:
+            self._wrong(
+                node.place,
+                f"the check has {algorithm.width} bits, and this run would be bits {run.value} to "
+                f"{run.value + run.width - 1} of them; take fewer",
+            )
+        ranges: tuple[tuple[int, int], ...] = ((0, index - 2),)
+        if check.over is not None:
+            ranges = self._lower_ranges(index, parts, names, check.over, where.value_place("over"))
+        elif index == 1:
+            self._wrong(node.place, "nothing precedes this check; say `over:` what it covers")
+        return replace(part, seeded=check.seed is not None, ranges=ranges, shift=run.value)
+
+    def _validate_checks_in_bits(self, parts: list[Part], nodes: list[Mapping]) -> None:
+        for part, node in zip(parts, nodes, strict=True):
+            if part.in_bits is not None and part.on_wire:
+                self._wrong(
+                    node.value_place("check"),
+                    "a check among shared bits is taken before stuffing; end its range before the stuffed parts, or "
+                    "stuff these bits, too",
+                )
+
     def _lower_ranges(
-        self, check: int, names: list[str], over: tuple[tuple[str, str], ...], place: Place
+        self, check: int, parts: list[Part], names: list[str], over: tuple[tuple[str, str], ...], place: Place
     ) -> tuple[tuple[int, int], ...]:
         """Those that are right; what is wrong with others has been reported."""
         ranges: list[tuple[int, int]] = []
+        is_in_bits = parts[check].in_bits is not None
         for first_name, last_name in over:
             first, last = (self._find(name, names, place) for name in (first_name, last_name))
             if min(first, last) < 0:
                 continue
+            if last + 1 < len(parts) and parts[last + 1].in_bits is not None:
+                last += 1  # the check in the bits of the last part
             if first > last:
                 swapped = f"`{last_name}..{first_name}`"
                 self._wrong(place, f"the range's first part stands behind its last; write {swapped}")
-            elif first <= check <= last:
+            elif first <= check <= last and not (is_in_bits and first < check):
                 before, behind = f"{first_name}..{names[check - 1]}", f"{names[min(check + 1, last)]}..{last_name}"
-                parts = [text for text, is_there in ((before, first < check), (behind, check < last)) if is_there]
+                left = [text for text, is_there in ((before, first < check), (behind, check < last)) if is_there]
                 self._wrong(
-                    place, f"a check cannot cover itself; write `over: [{', '.join(parts)}]`, which leaves it out"
+                    place, f"a check cannot cover itself; write `over: [{', '.join(left)}]`, which leaves it out"
                 )
             elif any(one[0] <= last and first <= one[1] for one in ranges):
                 self._wrong(place, f"`{first_name}` to `{last_name}` overlaps another range; name each part once")
@@ -702,15 +779,18 @@ def _tells(part: Part) -> bool:
     return part.kind in (*_FIXED_BYTES, PartKind.CHECK) or constant >= 8
 
 
+_RUN_ROLES = {"id": BitRole.ID, "length": BitRole.LENGTH, "sequence": BitRole.SEQUENCE}
+
+
 def _lower_bits(syntax: BitsPart, order: ByteOrder) -> Part:
-    roles = {"id": BitRole.ID, "length": BitRole.LENGTH, "sequence": BitRole.SEQUENCE}
     runs = []
     shift = 0
     listed = list(syntax.fields.items())
     for name, run in listed if syntax.first == "low" else reversed(listed):
-        role = BitRole.CONSTANT if run.constant is not None else roles.get(name, BitRole.FIELD)
+        role = BitRole.CONSTANT if run.constant is not None else _RUN_ROLES.get(name, BitRole.FIELD)
+        role = role if run.check is None else BitRole.CHECK
         width = run_type(run).width
-        runs.append(Bits(name, role, shift, width, run.constant or 0))
+        runs.append(Bits(name, role, shift, width, run.constant or run.from_bit or 0))
         shift += width
     return Part(
         PartKind.BITS,
@@ -722,6 +802,17 @@ def _lower_bits(syntax: BitsPart, order: ByteOrder) -> Part:
         length_unit=int(syntax.unit),
         bits=tuple(runs),
     )
+
+
+def _with_runs_of_checks(parts: list[Part]) -> list[Part]:
+    """Each check that has bits of the part before it with its run, and there where that part is there."""
+    found: list[Part] = []
+    for part in parts:
+        before = found[-1] if found else part
+        run = next((run for run in before.bits if run.role == BitRole.CHECK), None)
+        is_run = part.kind == PartKind.CHECK and run is not None
+        found.append(replace(part, in_bits=run, condition=before.condition) if is_run else part)
+    return found
 
 
 def _unique(names: list[str]) -> list[str]:

@@ -58,7 +58,7 @@ class Algorithm:
     """A check algorithm by its parameters. CRC parameters as in the reveng catalogue (Rocksoft model).
 
     The value is worked out in this order: the register over the units, ``odd``, ``negate``, ``plus``, ``mask``,
-    ``xorout``.
+    ``xorout``, ``bcd``, ``avoided``.
     """
 
     name: str
@@ -77,6 +77,9 @@ class Algorithm:
     end_around: bool = False  # sum: a carry out of the highest bit is added to the lowest one
     plus: int = 0
     mask: int | None = None  # bits of the value that are kept; None: all
+    bcd: bool = False  # in decimal digits of four bits each; those that have no room are dropped
+    avoided: tuple[tuple[int, int], ...] = ()  # ranges of values, both bounds included, that no frame has
+    avoided_plus: int = 0  # added, once, to such a value
 
     @property
     def kept(self) -> int:
@@ -92,6 +95,7 @@ class BitRole(StrEnum):
     FIELD = "field"
     SEQUENCE = "sequence"
     CONSTANT = "constant"
+    CHECK = "check"
 
 
 class Address(StrEnum):
@@ -145,7 +149,7 @@ class Bits:
     role: BitRole
     shift: int
     width: int
-    value: int = 0  # of a constant
+    value: int = 0  # of a constant; of a check: the bit of its value that the run's lowest one is
     header: HeaderField | None = None  # of a field or a sequence
 
     @property
@@ -199,7 +203,10 @@ class Condition:
 
 @dataclass(frozen=True)
 class Part:
-    """One part of a frame, in wire order. ``size`` in bytes is 0 only for the payload."""
+    """One part of a frame, in wire order.
+
+    ``size`` in bytes is 0 only for the payload, and for a check that has some bits of the part before it.
+    """
 
     kind: PartKind
     name: str
@@ -214,6 +221,7 @@ class Part:
     ranges: tuple[tuple[int, int], ...] = ((0, 0),)  # check: first and last part of each range, in its order
     shift: int = 0  # check: value on the wire = check >> shift
     seeded: bool = False  # check: the message's seed is counted behind the range
+    in_bits: Bits | None = None  # check: its run in the part before it
     as_hex: bool = False  # check: sent as hex digits, ``size`` of them
     as_decimal: bool = False  # check: sent as decimal digits, without leading zeros; ``size`` is that of its number
     alternatives: tuple[bytes, ...] = ()  # magic: any of these, ``value`` is the first
@@ -225,6 +233,11 @@ class Part:
     condition: Condition | None = None
     is_plain: bool = False  # sent as it is, beside parts that are stuffed
     on_wire: bool = False  # check: over the bytes as they are sent, after stuffing
+
+    @property
+    def check_bits(self) -> int:
+        """Of a check: how many bits of its value are sent."""
+        return self.in_bits.width if self.in_bits is not None else (4 if self.as_hex else 8) * self.size
 
     @property
     def covered(self) -> tuple[int, ...]:

@@ -15,6 +15,7 @@ from wirebond.protocol.text.field_grammar import NumberSyntax
 from wirebond.protocol.text.field_types import ContainerType, HeaderType, RunType
 from wirebond.protocol.text.scalars import (
     Bool,
+    ByteRanges,
     CheckName,
     CheckWidth,
     ConstantBytes,
@@ -65,10 +66,20 @@ class Length(Syntax):
     unit: WordSize = Field(1, description="Bytes that one count stands for; with `counts: payload` only.", examples=[2])
 
 
+class Avoided(Syntax):
+    """Values that a check must not have on the wire, such as those of control characters."""
+
+    noun = "`avoid`"
+
+    values: ByteRanges = Field(description="One value, a range, or a list of these.", examples=["[0x0A, 0x0D]"])
+    plus: Register = Field(description="Added to such a value, once.", examples=[1])
+
+
 class Check(Syntax):
     """A check, in full. `type: crc`, `sum`, `xor` or `fletcher` with a `width` gives one of one's own.
 
-    Its value is worked out in this order: the sum over the units, `odd`, `negate`, `plus`, `mask`, `xorout`.
+    Its value is worked out in this order: the sum over the units, `odd`, `negate`, `plus`, `mask`, `xorout`, `bcd`,
+    `avoid`.
     """
 
     noun = "`check`"
@@ -132,6 +143,16 @@ class Check(Syntax):
     mask: Register | None = Field(None, description="Bits of the value that are sent. Default: all.", examples=["0x7F"])
     xorout: Register | None = Field(
         None, description="Combined with the result by exclusive-or. Default: 0.", examples=["0xFFFF"]
+    )
+    bcd: Bool | None = Field(
+        None,
+        description="A sum in decimal digits of four bits each; digits that have no room are dropped. Default: false.",
+        examples=["true"],
+    )
+    avoid: Avoided | None = Field(
+        None,
+        description="Values that are never sent, and what is added to one that is worked out all the same.",
+        examples=["{values: 0..0x1F, plus: 0x20}"],
     )
 
 
@@ -300,6 +321,9 @@ class SequencePart(PartSyntax):
     per: CountedPer | None = Field(None, description=_PER, examples=["message"])
 
 
+_CHECK_BIT = PlainValidator(whole(0, 63), json_schema_input_type=Annotated[int, Field(ge=0, le=63)])
+
+
 class BitRun(HeaderSyntax):
     """A run of bits, in full."""
 
@@ -313,6 +337,12 @@ class BitRun(HeaderSyntax):
     )
     constant: Register | None = Field(None, description="The value that it always has.", examples=["0x01"])
     per: CountedPer | None = Field(None, description=f"Of a run `sequence`. {_PER}", examples=["message"])
+    check: Annotated[Check | None, BeforeValidator(_type_alone, json_schema_input_type=CheckName | Check)] = Field(
+        None, description="The run is a check, or some bits of its value.", examples=["crc-4/g-704"]
+    )
+    from_bit: Annotated[int, _CHECK_BIT] | None = Field(
+        None, description="Of a check: the bit of its value that the run's lowest bit is. Default: 0.", examples=[4]
+    )
 
 
 def _run(value: object) -> object:
@@ -339,7 +369,7 @@ class BitsPart(PartSyntax):
     bits: ContainerType = Field(description="Width of the bytes whose bits are shared.", examples=["u16"])
     fields: dict[Name, Annotated[BitRun, BeforeValidator(_run, json_schema_input_type=int | str | BitRun)]] = Field(
         description="Name and number of bits, or type, of each run, from the lowest bit up. `id`, `length` and "
-        "`sequence` are what they say; `constant:` gives a run that never changes.",
+        "`sequence` are what they say; `constant:` gives a run that never changes, `check:` one that is a check.",
         examples=["{id: 6, length: 10}"],
     )
     first: Annotated[str, one_word("low", "high")] = Field(

@@ -459,6 +459,29 @@ def _part_range(value: object) -> tuple[str, str]:
     return ends[0], ends[-1]
 
 
+MOST_BYTE_RANGES = 4  # as `max_avoided` of core/include/wirebond/check.hpp
+
+
+def _byte_ranges(value: object) -> tuple[tuple[int, int], ...]:
+    listed = value if isinstance(value, list) else [value]
+    if not 1 <= len(listed) <= MOST_BYTE_RANGES:
+        raise wrong(
+            f"this list has {len(listed)} entries; write 1 to {MOST_BYTE_RANGES} values or ranges, such as 0..0x1F"
+        )
+    return tuple(map(_byte_range, listed))
+
+
+def _byte_range(value: object) -> tuple[int, int]:
+    text = value.text if isinstance(value, Number) else value
+    ends = text.split("..") if isinstance(text, str) else []
+    if len(ends) not in (1, 2) or not all(re.fullmatch("0x[0-9A-Fa-f]{1,2}|[0-9]{1,3}", end) for end in ends):
+        raise wrong(f"{describe(value)} is not a byte's value; write one, or a range such as 0..0x1F")
+    low, high = (int(end, 16 if end.startswith("0x") else 10) for end in (ends[0], ends[-1]))
+    if high > 0xFF or low > high:
+        raise wrong(f"{describe(value)} is not a range of byte values; write one such as 0..0x1F")
+    return low, high
+
+
 @dataclass(frozen=True)
 class Magic:
     """``values``: any of these; ``by_end``: others for each sender instead, one pair for each value."""
@@ -521,6 +544,17 @@ CheckName = Annotated[
     PlainValidator(_validate_name, json_schema_input_type=Literal[_CHECK_NAMES]),
 ]
 _OnePartRange = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*(\.\.[A-Za-z][A-Za-z0-9_]*)?$")]
+_ByteValue: Any = (
+    Annotated[int, Field(ge=0, le=255)] | Annotated[str, Field(pattern=r"^[0-9xA-Fa-f]+(\.\.[0-9xA-Fa-f]+)?$")]
+)
+ByteRanges = Annotated[
+    tuple[tuple[int, int], ...],
+    PlainValidator(
+        _byte_ranges,
+        json_schema_input_type=_ByteValue
+        | Annotated[list[_ByteValue], Field(min_length=1, max_length=MOST_BYTE_RANGES)],
+    ),
+]
 PartRanges = Annotated[
     tuple[tuple[str, str], ...],
     PlainValidator(

@@ -12,6 +12,7 @@ from wirebond.analysis.explain.layout import (
     CONSTANTS,
     check_value,
     covered_bytes,
+    found_check,
     payload_index,
     same_check,
     shown_check,
@@ -31,14 +32,21 @@ class _Failed:
     """The check that does not hold, and what stands there."""
 
     index: int
-    part: Part
+    parts: tuple[Part, ...]
     found: bytes
     places: list[tuple[int, int]]
     seed: int
 
+    @property
+    def part(self) -> Part:
+        return self.parts[self.index]
+
     def covered(self, data: bytes, ranges: Ranges | None = None) -> bytes:
         """``ranges``: others than the file's own."""
-        return covered_bytes(self.part if ranges is None else replace(self.part, ranges=ranges), data, self.places)
+        parts = self.parts
+        if ranges is not None:
+            parts = (*parts[: self.index], replace(self.part, ranges=ranges), *parts[self.index + 1 :])
+        return covered_bytes(parts, self.index, data, self.places)
 
 
 def _failed(case: Case) -> _Failed | None:
@@ -47,8 +55,8 @@ def _failed(case: Case) -> _Failed | None:
     if index is None or verdict is None or verdict.payload is None:
         return None
     places = spans(case.parts, verdict.payload_size or 0)
-    start, stop = places[index]
-    return _Failed(index, case.parts[index], case.data[start:stop], places, verdict.seed)
+    found = found_check(case.parts, index, case.data, places)
+    return _Failed(index, case.parts, found, places, verdict.seed)
 
 
 @dataclass(frozen=True)
@@ -71,6 +79,8 @@ def _ranges(case: Case, failed: _Failed) -> Iterator[tuple[int, int]]:
     for first in range(count):
         for last in range(first, min(count, in_reach)):
             holds_itself = first <= failed.index <= last
+            if failed.part.in_bits is not None:  # it may cover the part that has its bits
+                holds_itself = failed.index in (first, last + 1)
             empty = failed.places[first][0] == failed.places[last][1]
             skips_payload = needs_payload and not first <= payload <= last
             own = ((first, last),) == failed.part.ranges
@@ -175,6 +185,8 @@ def _without(first: int, last: int, gaps: set[int]) -> Ranges:
 
 
 def _with_itself_as_zeros(case: Case, failed: _Failed, around: Ranges) -> Guess | None:
+    if failed.part.in_bits is not None:  # they count as zeros
+        return None
     pieces = [failed.covered(case.data, (one,)) for one in around]
     position = sum(last < failed.index for _, last in around)
     covered = b"".join([*pieces[:position], bytes(failed.part.size), *pieces[position:]])
@@ -236,6 +248,9 @@ def _with_algorithm(part: Part, algorithm: Algorithm) -> list[Part]:
     """The part with another algorithm whose value, or one byte of it, fits its place."""
     if part.algorithm is not None and replace(algorithm, unit_order=part.algorithm.unit_order) == part.algorithm:
         return []
+    if part.in_bits is not None:
+        is_short = part.shift + part.in_bits.width <= algorithm.width <= max(part.in_bits.width, 8)
+        return [replace(part, algorithm=in_order(algorithm, part.order))] if is_short else []
     size = part.size // 2 if part.as_hex else part.size
     if (algorithm.width + 7) // 8 == size:
         other = replace(part, algorithm=in_order(algorithm, part.order), shift=0)
@@ -294,7 +309,7 @@ def solved(cases: Sequence[Case], *, thorough: bool) -> Solved | None:
     if not alike:
         return None
     index, one = next(iter(alike.items()))
-    if one.part.seeded or one.part.algorithm is None:
+    if one.part.seeded or one.part.algorithm is None or one.part.in_bits is not None:
         return None
     own = one.part.ranges
     size = one.part.size // 2 if one.part.as_hex else one.part.size
@@ -323,7 +338,7 @@ def _number(failed: _Failed, order: ByteOrder) -> int:
 def as_peers_check(case: Case) -> Guesses:
     """The check as another protocol file has it, where its range has names that this frame has too."""
     failed = _failed(case)
-    if failed is None:
+    if failed is None or failed.part.in_bits is not None:
         return
     names = [part.name for part in case.parts]
     seen = {_replaced_key(failed.part)}
@@ -331,6 +346,7 @@ def as_peers_check(case: Case) -> Guesses:
         for theirs in peer.format.parts:
             if (
                 theirs.kind != PartKind.CHECK
+                or theirs.in_bits is not None
                 or theirs.size != failed.part.size
                 or _written(theirs) != _written(failed.part)
             ):

@@ -54,7 +54,7 @@ def lost_constants(case: Case) -> Guesses:
 def lost_byte(case: Case) -> Guesses:
     """A byte lost that is often lost or often there: a zero, FF, one of two equal ones, an escape. Any value at all
     where the checks are wide enough to tell."""
-    width = max((8 * part.size for part in case.parts if part.kind == PartKind.CHECK), default=0)
+    width = max((part.check_bits for part in case.parts if part.kind == PartKind.CHECK), default=0)
     for at in range(len(case.block) + 1):
         neighbours = set(case.block[max(0, at - 1) : at + 1])
         for value in range(256) if width >= 24 else sorted(neighbours | {0x00, 0xFF}):

@@ -133,7 +133,7 @@ def evidence(verdict: Verdict, before: Verdict | None = None) -> int:
 
 def distinct_values(part: Part, covered: int) -> int:
     """How many values a check can take over this many bytes: the high byte of a short sum takes few."""
-    values = 1 << 8 * (part.size // 2 if part.as_hex else part.size)
+    values = 1 << part.check_bits
     if part.algorithm is not None and part.algorithm.kind == CheckKind.SUM:
         values = min(values, (255 * max(covered, 1) >> part.shift) + 1)
     return values

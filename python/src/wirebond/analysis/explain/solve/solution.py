@@ -10,6 +10,7 @@ from operator import or_
 from wirebond.analysis.checksum import checksum
 from wirebond.analysis.explain.solve.crcs import crcs
 from wirebond.analysis.explain.solve.sample import LEAST_SAMPLES, Sample
+from wirebond.analysis.explain.solve.sent import sent_otherwise
 from wirebond.analysis.explain.solve.sums import sums
 from wirebond.protocol.model import Algorithm, CheckKind
 
@@ -53,7 +54,11 @@ def _fitting(samples: Sequence[Sample], size: int, *, thorough: bool) -> Iterato
     used = max(sample.value for sample in samples).bit_length()
     widths = [8 * size, *range(max(used, 3), 8 * size)]
     for width in widths:
-        for candidates in (sums(samples, width), crcs(samples, width, thorough=thorough)):
+        for candidates in (
+            sums(samples, width),
+            sent_otherwise(samples, width),
+            crcs(samples, width, thorough=thorough),
+        ):
             found = [one for one in candidates if all(checksum(one, each.covered) == each.value for each in samples)]
             if found:
                 yield from found
@@ -74,4 +79,6 @@ def _freedom(algorithm: Algorithm, varying: int) -> int:
         bits += algorithm.width
     if algorithm.kept & varying != varying or algorithm.mask is not None:
         bits += algorithm.width
+    if algorithm.avoided:
+        bits += 3 * algorithm.width
     return bits
