@@ -493,6 +493,14 @@ WIREBOND_INLINE Verdict examine_forms(const Source& source, const std::uint8_t* 
   return best;
 }
 
+/// Compiled once for a format read at run time, and called: there, it is what the fast path leaves over, and inlined
+/// at each place that examines it would be most of a program.
+template <class Source>
+WIREBOND_NOINLINE Verdict examine_by_call(const Source& source, const std::uint8_t* candidate, std::size_t available,
+                                          const Received* block, Frame& frame) {
+  return examine_forms(source, candidate, available, block, frame);
+}
+
 }  // namespace detail
 
 /// Examine the bytes at `candidate`. Pure: the verdict depends on these bytes alone, so chunking cannot change it.
@@ -503,8 +511,10 @@ WIREBOND_INLINE Verdict examine(const Source& source, const std::uint8_t* candid
                                 const detail::Received* block, Frame& frame) {
   if constexpr (detail::folds<Source>(0) && detail::part_counts<Source>.forms == 1) {
     return detail::examine_form(source, 0, candidate, available, block, frame);
-  } else {
+  } else if constexpr (Source::is_constant) {
     return detail::examine_forms(source, candidate, available, block, frame);
+  } else {
+    return detail::examine_by_call(source, candidate, available, block, frame);
   }
 }
 
