@@ -42,6 +42,13 @@ max_payload: 24
 messages: {{data: {{id: 1, sender: mcu, fields: {{data: {{type: bytes, max: 24}}}}}}}}
 """
 
+LINES = """\
+wirebond: 1
+protocol: lines
+frame: [payload: rest, check: {check}, delimiter: 0x0D 0x0A]
+messages: {{line: {{sender: mcu, fields: {{text: {{type: text, max: 30}}}}}}}}
+"""
+
 
 def frames(codec: Codec, source: random.Random, count: int) -> list[bytes]:
     return [
@@ -119,6 +126,16 @@ def test_the_file_is_corrected_by_the_first_advice(damaged: int) -> None:
     assert found is not None, explanation.together
     assert decoded(found, frames(codec, source, 100)) == 100, explanation.together[0].remedy
     assert (explanation.together[0].fits, explanation.together[0].of) == (FRAMES - damaged, FRAMES)
+
+
+def test_a_line_whose_check_is_no_number_is_left_out() -> None:
+    lines = Codec(loads(LINES.format(check="{type: sum, width: 8, plus: 0x21, text: hex}")))
+    source = random.Random(2)
+    raws = [lines.encode("line", text="".join(source.choices("abcdef,", k=source.randrange(4, 12)))) for _ in range(8)]
+    broken = "twelve volts ä\r\n".encode()
+    explanation = explain(loads(LINES.format(check="{type: crc-8, text: hex}")), broken + b"".join(raws))
+    assert explanation.together[0].remedy == "Write `- check: {type: sum, width: 8, plus: 0x21, text: hex}`."
+    assert (explanation.together[0].fits, explanation.together[0].of) == (8, 9)
 
 
 # CRCs whose polynomial an addend or a mask hides, with more bits than can be tried; sums with five parameters of their

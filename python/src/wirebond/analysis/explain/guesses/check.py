@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import string
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -25,6 +26,7 @@ from wirebond.protocol.model import Algorithm, ByteOrder, CheckKind, Part, PartK
 from wirebond.protocol.spelling import ranges_text
 
 Ranges = tuple[tuple[int, int], ...]
+_HEX_DIGITS = string.hexdigits.encode()
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,11 @@ class _Failed:
     @property
     def part(self) -> Part:
         return self.parts[self.index]
+
+    @property
+    def is_value(self) -> bool:
+        """False: the check is sent as hex digits, and what stands there is none."""
+        return not self.part.as_hex or all(byte in _HEX_DIGITS for byte in self.found)
 
     def covered(self, data: bytes, ranges: Ranges | None = None) -> bytes:
         """``ranges``: others than the file's own."""
@@ -303,7 +310,9 @@ def solved(cases: Sequence[Case], *, thorough: bool) -> Solved | None:
 
     None where the catalogue's algorithms are all that these frames can tell, as too few of them have such a check.
     """
-    failed = {index: found for index, case in enumerate(cases) if (found := _failed(case)) is not None}
+    failed = {
+        index: found for index, case in enumerate(cases) if (found := _failed(case)) is not None and found.is_value
+    }
     names = Counter(found.part.name for found in failed.values())
     alike = {index: found for index, found in failed.items() if found.part.name == names.most_common(1)[0][0]}
     if not alike:
