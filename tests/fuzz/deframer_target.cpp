@@ -320,9 +320,10 @@ Bytes draw_frame(const wirebond::RuntimeSource& source, const std::vector<wirebo
     if (stands_at(form.header[i].number, form.id))
       header[form.header[i].place] = row.id;  // of a message with several ids
   }
-  // A sender takes another form for these.
-  const bool is_refused =
-      !wirebond::carries_id(format, form, row.id) || wirebond::is_excluded(format, form, row.id, size, header.data());
+  // A sender takes another form for these; and a check over words may have no rule for a byte that is left over.
+  const bool is_refused = !wirebond::carries_id(format, form, row.id) ||
+                          wirebond::is_excluded(format, form, row.id, size, header.data()) ||
+                          (form.payload_unit > 1 && size % form.payload_unit != form.payload_rest);
   Bytes payload = input.ConsumeBytes<std::uint8_t>(size);
   payload.resize(size);
   draft.write(payload);

@@ -24,9 +24,9 @@ inline void print_number(const char* name, const wirebond::Number& number) {
 
 inline void print_form(const wirebond::Form& form) {
   static constexpr const char* rules[] = {"by_length", "fixed", "by_id", "rest"};
-  std::fprintf(stderr, " form: prefix %u suffix %u payload %s unit %u bias %d fixed %u%s\n", form.prefix, form.suffix,
-               rules[static_cast<int>(form.payload_size)], form.length_unit, form.length_bias, form.fixed_payload,
-               form.trims_zeros ? " trims zeros" : "");
+  std::fprintf(stderr, " form: prefix %u suffix %u payload %s unit %u bias %d fixed %u in units of %u and %u%s\n",
+               form.prefix, form.suffix, rules[static_cast<int>(form.payload_size)], form.length_unit, form.length_bias,
+               form.fixed_payload, form.payload_unit, form.payload_rest, form.trims_zeros ? " trims zeros" : "");
   for (std::size_t i = 0; i < form.constant_count; ++i) {
     std::fprintf(stderr, "  constant:");
     print_position("at", form.constants[i].at);
@@ -69,6 +69,15 @@ inline void print_format(const wirebond::FrameFormat& format) {
                  static_cast<int>(algorithm.kind), algorithm.width_bits,
                  static_cast<unsigned long long>(algorithm.poly), static_cast<unsigned long long>(algorithm.init),
                  algorithm.reflect_in, algorithm.reflect_out, static_cast<unsigned long long>(algorithm.xor_out));
+    std::fprintf(stderr, "  unit %u%s odd tail %d modulus %u%s%s plus %llX keep %llX%s\n", algorithm.unit,
+                 algorithm.unit_is_little ? " little" : "", static_cast<int>(algorithm.odd_tail), algorithm.modulus,
+                 algorithm.end_around ? " end-around" : "", algorithm.negate ? " negated" : "",
+                 static_cast<unsigned long long>(algorithm.plus), static_cast<unsigned long long>(algorithm.keep),
+                 algorithm.bcd ? " in decimal digits" : "");
+    for (std::size_t j = 0; j < algorithm.avoided_count; ++j) {
+      std::fprintf(stderr, "  avoids %02X to %02X, plus %02X\n", algorithm.avoided[j].low, algorithm.avoided[j].high,
+                   algorithm.avoided_plus);
+    }
   }
   for (std::size_t i = 0; i < format.form_count; ++i) print_form(format.forms[i]);
 }

@@ -109,6 +109,16 @@ def bound_rounds_past(field: Field) -> bool:
     return any(((bound - field.offset) / field.scale).denominator != 1 for bound in bounds)
 
 
+def may_grow(field: Field) -> bool:
+    """May the field, or one within it, be received in fewer characters than it is written in?
+
+    A number in characters up to an end may leave out digits behind its point.
+    """
+    if any(map(may_grow, field.fields)):
+        return True
+    return field.digits is not None and field.digits.decimals > 0 and field.size == 0
+
+
 def _write_messages(folder: Path) -> None:
     """``messages.hpp``, the list of all generated messages with a key each, and the generated headers beside it."""
     includes, entries = [], []
@@ -120,8 +130,8 @@ def _write_messages(folder: Path) -> None:
         space = namespace(protocol.name)
         for message in protocol.messages:
             source = "FromMcu" if message.sender == End.MCU else "FromHost"
-            rounds = "true" if any(map(bound_rounds_past, message.fields)) else "false"
-            check = f"check<{space}::{structs[message.name]}, {space}::{source}, {rounds}>"
+            rounds, grows = (str(any(map(may, message.fields))).lower() for may in (bound_rounds_past, may_grow))
+            check = f"check<{space}::{structs[message.name]}, {space}::{source}, {rounds}, {grows}>"
             name = f"{protocol.name}.{message.name}"
             entries.append((zlib.crc32(name.encode()) & 0xFFFF, f'"{name}", {check}'))
     lines = [f"    {{{key}, {entry}}}," for key, entry in sorted(entries)]
@@ -131,7 +141,7 @@ def _write_messages(folder: Path) -> None:
         "#include <array>",
         *includes,
         "namespace fuzz {",
-        "template <class Message, class Source, bool BoundRoundsPast>",
+        "template <class Message, class Source, bool BoundRoundsPast, bool MayGrow>",
         "void check(const std::uint8_t* payload, std::size_t size);",
         "struct Entry {",
         "  std::uint16_t key;",
