@@ -38,7 +38,7 @@ test: build/setup-test.stamp lint ## everything that must hold, in about ten min
 	@$(PYTHON) -m tests.runner --workers $(WORKERS)
 
 .PHONY: check
-check: build/setup-test.stamp ## lint and the pure tests that your edits reach, in a minute (SINCE=COMMIT: since then)
+check: build/requirements-dev.stamp ## lint and the pure tests that your edits reach, in a minute (SINCE=COMMIT: since then)
 	@$(PYTHON) -m tests.runner.check --since $(or $(SINCE),HEAD)
 
 .PHONY: prove

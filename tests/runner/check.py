@@ -103,6 +103,15 @@ def linters(changed: Iterable[str]) -> dict[str, list[str]]:
     return found
 
 
+def prepare() -> None:
+    """Build what the change makes out of date: the engine, the page.
+
+    :raises EndedEarlyError: it does not build; the compiler has printed why.
+    """
+    if subprocess.run(["make", "--no-print-directory", "build/setup-test.stamp"], cwd=ROOT, check=False).returncode:
+        raise EndedEarlyError("failed: it does not build")
+
+
 def check(since: str, workers: int) -> int:
     began = time.monotonic()
     changed = changed_files(since)
@@ -110,6 +119,8 @@ def check(since: str, workers: int) -> int:
         print(f"Nothing differs from {since}. `make check SINCE=HEAD~1` checks the last commit.")
         return PASSED
     show(f"changed since {since}", changed[:_SHOWN] + [f"and {len(changed) - _SHOWN} more"] * (len(changed) > _SHOWN))
+    prepare()
+    built = time.monotonic()
     commands = linters(changed)
     found = [name for name, command in commands.items() if subprocess.run(command, cwd=ROOT, check=False).returncode]
     linted = time.monotonic()
@@ -122,7 +133,8 @@ def check(since: str, workers: int) -> int:
     show("found something", found)
     show("failed", failed)
     print(
-        f"\n{'failed' if found or failed else 'passed'}: {len(commands)} linters in {linted - began:.0f} s, "
+        f"\n{'failed' if found or failed else 'passed'} in {time.monotonic() - began:.0f} s: "
+        f"set-up in {built - began:.0f} s, {len(commands)} linters in {linted - built:.0f} s, "
         f"{len(results) - left_out} pure tests in {time.monotonic() - linted:.0f} s"
         + (f"; {left_out} farther from the change found no time" if left_out else "")
         + f". `make test` runs the live tests of {len(files)} files that reach it, too." * bool(files)
