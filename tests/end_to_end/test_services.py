@@ -363,7 +363,7 @@ def test_what_a_firmware_refused_is_counted_alike_at_both_ends(
     assert found.refused_messages == {"rejected": 7}
     sentence = f"MCU refused {', '.join(f'{n} bytes as {cause}' for cause, n in refused.items())}"
     assert str(found) == f"{sentence}, 7 messages as rejected"
-    # Nobody reads the line while no command runs, so the firmware may count frames of its own that it could not send.
+    # Between two commands nobody reads the line, so the firmware may have frames that it cannot send, and counts them.
     shown_line = re.compile(rf"^[\d.]+ link_counters  {re.escape(str(found))}(; of its own frames .*)?$", re.MULTILINE)
     wait_until(
         lambda: shown_line.search(run("monitor", AXIS, firmware.port, "--seconds", "0.7").stdout),
