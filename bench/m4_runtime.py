@@ -23,7 +23,7 @@ from bench.m4_cost import FOLDER, MESSAGES, ROUNDS, samples
 from bench.native import BUILD
 from bench.stack_depth import stack_depth
 from wirebond.generate.code import generate_cpp
-from wirebond.generate.code.cpp import struct_names
+from wirebond.generate.code.cpp_names import struct_names
 from wirebond.generate.code.names import namespace
 from wirebond.protocol import loads
 from wirebond.protocol.model import End, Protocol

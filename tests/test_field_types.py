@@ -22,7 +22,7 @@ from tests.shared import ROOT
 from tests.streams import damaged, random_values
 from wirebond import MessageError
 from wirebond.generate.code import generate_cpp
-from wirebond.generate.code.cpp import struct_names
+from wirebond.generate.code.cpp_names import struct_names
 from wirebond.protocol import loads
 from wirebond.protocol.model import Protocol
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from tests.conformance.build import BUILD, FLAGS, Result, compiled, read_result, run
 from wirebond.generate.code import generate_cpp
-from wirebond.generate.code.cpp import message_shapes
-from wirebond.generate.code.cpp_struct import Shape
+from wirebond.generate.code.cpp_names import message_shapes
+from wirebond.generate.code.cpp_shape import Shape
 from wirebond.generate.code.names import namespace
 from wirebond.protocol.model import End, Protocol
 

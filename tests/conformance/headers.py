@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tests.conformance.build import BUILD, FLAGS, compiled
 from wirebond.generate.code import generate_cpp
-from wirebond.generate.code.cpp import struct_names
+from wirebond.generate.code.cpp_names import struct_names
 from wirebond.generate.code.names import namespace
 from wirebond.protocol.model import End, Protocol
 

@@ -10,8 +10,10 @@ from pathlib import Path
 from tests.fuzz.files import SHAPES
 from tests.random_formats import random_protocol
 from tests.shared import PROTOCOLS, ROOT
-from wirebond.generate.code.cpp import cpp_header, rules_views, struct_names
+from wirebond.generate.code.cpp import cpp_header
+from wirebond.generate.code.cpp_ends import rules_views
 from wirebond.generate.code.cpp_format import format_lines
+from wirebond.generate.code.cpp_names import struct_names
 from wirebond.generate.code.names import namespace
 from wirebond.protocol import ProtocolFileError, load, loads
 from wirebond.protocol.model import End, Field, Protocol

@@ -10,7 +10,8 @@ from tests.compilers import CXX, SANITIZE
 from tests.shared import codec
 
 from wirebond.generate.code import generate_c, generate_cpp
-from wirebond.generate.code.cpp import stop_functions, struct_names
+from wirebond.generate.code.cpp import stop_functions
+from wirebond.generate.code.cpp_names import struct_names
 from wirebond.generate.code.names import namespace
 from wirebond.protocol import loads
 from wirebond.protocol.model import End, Protocol

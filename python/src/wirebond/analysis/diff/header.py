@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 from wirebond.analysis.diff.addresses import same_number
 from wirebond.analysis.diff.change import Change, Effect, Sides, changed
-from wirebond.analysis.diff.fields import Where, number_changes
+from wirebond.analysis.diff.fields import number_changes
+from wirebond.analysis.diff.where import Where
 from wirebond.protocol.model import Part, Protocol
 from wirebond.protocol.model.forms import header_fields
 from wirebond.protocol.planning import plan_for

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from wirebond.analysis.diff.change import Change, Effect, Sides, carries, changed, end_name, harmless
-from wirebond.analysis.diff.fields import Where, field_changes, zeros_or_ignored
+from wirebond.analysis.diff.fields import field_changes, zeros_or_ignored
+from wirebond.analysis.diff.where import Where
 from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.matching import covers, id_key, overlap, told_by
 from wirebond.protocol.model import End, Field, Message, Part, PartKind, PayloadRule, Protocol

@@ -19,16 +19,14 @@ from wirebond.generate.code.c_struct import Declarations, Declarer, MessageView
 from wirebond.generate.code.cpp import (
     cpp_header,
     frames_differ,
-    id_literal,
     link_header,
     message_comment,
-    no_id_literal,
-    shapes,
     stop_functions,
     stop_header_function,
 )
 from wirebond.generate.code.cpp_field import comment_text
 from wirebond.generate.code.cpp_header import fields_of
+from wirebond.generate.code.cpp_names import id_literal, no_id_literal, shapes
 from wirebond.generate.code.cpp_number import real
 from wirebond.generate.code.folder import core_headers, render, write_files
 from wirebond.generate.code.names import namespace

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from wirebond.generate.code.c_names import Names, member_name
 from wirebond.generate.code.cpp_field import element_type, hex_literal, member_comment
 from wirebond.generate.code.cpp_number import integer, real, real_type, wire_integer
-from wirebond.generate.code.cpp_struct import Member, Shape
+from wirebond.generate.code.cpp_shape import Member, Shape
 from wirebond.protocol.model import NUMBERS, End, Field, FieldKind
 
 _INT_MAX = 2**31 - 1

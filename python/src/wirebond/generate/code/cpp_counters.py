@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from wirebond.generate.code.cpp_struct import Shape
+from wirebond.generate.code.cpp_shape import Shape
 from wirebond.protocol.counters import COUNTERS
 from wirebond.protocol.model import Service
 

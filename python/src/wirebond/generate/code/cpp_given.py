@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from wirebond.generate.code.cpp_field import initial_value
 from wirebond.generate.code.cpp_number import Scaling, integer, real, real_type
-from wirebond.generate.code.cpp_struct import Member, Shape, declared_string
+from wirebond.generate.code.cpp_shape import Member, Shape, declared_string
 from wirebond.protocol.model import INTEGERS, NUMBERS, Field, FieldKind, GivenValue
 
 

@@ -14,15 +14,8 @@ from wirebond.generate.code.cpp_field import (
     read_value,
     write_value,
 )
-from wirebond.generate.code.cpp_struct import (
-    Member,
-    Shape,
-    known_enums,
-    member_lines,
-    shape_of,
-    type_blocks,
-    validate_lines,
-)
+from wirebond.generate.code.cpp_rules import validate_lines
+from wirebond.generate.code.cpp_shape import Member, Shape, known_enums, member_lines, shape_of, type_blocks
 from wirebond.protocol.model import Address, End, Field, FieldKind, HeaderField, Protocol
 from wirebond.protocol.model.forms import header_fields
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from wirebond.errors import UsageError
 from wirebond.generate.code.c import link_in_c
 from wirebond.generate.code.c_names import link_name
-from wirebond.generate.code.cpp import struct_names
 from wirebond.generate.code.cpp_field import comment_text
+from wirebond.generate.code.cpp_names import struct_names
 from wirebond.generate.code.folder import render
 from wirebond.generate.code.names import identifier, namespace
 from wirebond.protocol.model import End, Protocol

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from wirebond.codec import Codec
-from wirebond.generate.code.cpp import struct_names
+from wirebond.generate.code.cpp_names import struct_names
 from wirebond.generate.code.names import namespace
 from wirebond.protocol.model import End, Queue, Stuffing
 from wirebond.protocol.planning import plan_for
