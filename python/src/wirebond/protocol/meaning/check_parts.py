@@ -10,7 +10,7 @@ from wirebond.protocol.meaning.envelope import Wrong
 from wirebond.protocol.meaning.parts import holder
 from wirebond.protocol.model import BitRole, ByteOrder, Part, PartKind, Stuffing
 from wirebond.protocol.problems import Place, suggestion
-from wirebond.protocol.text.frame_grammar import Check as CheckSyntax
+from wirebond.protocol.text.check_grammar import Check as CheckSyntax
 from wirebond.protocol.text.yaml_tree import Mapping
 
 MOST_DECIMAL_BYTES = 4  # of a check in decimal digits

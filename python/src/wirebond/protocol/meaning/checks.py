@@ -9,7 +9,7 @@ from typing import Any
 from wirebond.protocol import algorithms
 from wirebond.protocol.model import Algorithm, ByteOrder, CheckKind, OddTail
 from wirebond.protocol.problems import Place
-from wirebond.protocol.text.frame_grammar import Check
+from wirebond.protocol.text.check_grammar import Check
 from wirebond.protocol.text.yaml_tree import Mapping
 
 _CRC_ALONE = ("poly", "refin", "refout")

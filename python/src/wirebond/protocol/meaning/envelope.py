@@ -9,7 +9,7 @@ from wirebond.protocol.meaning.draft import Envelope
 from wirebond.protocol.model import Escapes, Insertion, Stuffing
 from wirebond.protocol.problems import Place
 from wirebond.protocol.spelling import bytes_text
-from wirebond.protocol.text.frame_grammar import (
+from wirebond.protocol.text.envelope_grammar import (
     CobsPart,
     DelimiterPart,
     DoubledPart,
@@ -17,12 +17,10 @@ from wirebond.protocol.text.frame_grammar import (
     HdlcPart,
     HexPart,
     InsertedPart,
-    MagicPart,
-    PartSyntax,
-    PayloadPart,
     SilencePart,
     SlipPart,
 )
+from wirebond.protocol.text.frame_grammar import MagicPart, PartSyntax, PayloadPart
 from wirebond.protocol.text.wording import Syntax
 from wirebond.protocol.text.yaml_tree import Mapping, Node, Sequence
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from wirebond.protocol import names
 from wirebond.protocol.meaning.bit_members import BitMembers, with_pieces
 from wirebond.protocol.meaning.counts import Counting, mark_counts
-from wirebond.protocol.meaning.fields import read_plain
+from wirebond.protocol.meaning.plain_fields import read_plain
 from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.text.field_grammar import (

@@ -5,31 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, PlainValidator, Tag
+from pydantic import BeforeValidator, Discriminator, Field, PlainValidator, Tag
 from pydantic_core import PydanticCustomError
 
-from wirebond.protocol.plan import MAX_INSERTION
 from wirebond.protocol.problems import quoted, suggestion
+from wirebond.protocol.text.check_grammar import Check
 from wirebond.protocol.text.conditions import When
 from wirebond.protocol.text.field_grammar import NumberSyntax
 from wirebond.protocol.text.field_types import ContainerType, HeaderType, RunType
+from wirebond.protocol.text.frame_scalars import CheckName, MagicValue
 from wirebond.protocol.text.scalars import (
     Bool,
-    ByteRanges,
-    CheckName,
-    CheckWidth,
     ConstantBytes,
-    DelimiterBytes,
-    Duration,
     HeaderDefault,
     LengthOffset,
     MagicBytes,
-    MagicValue,
-    Modulus,
     Name,
-    OneByte,
     OwnValues,
-    PartRanges,
     PartType,
     Register,
     ReservedBytes,
@@ -64,96 +56,6 @@ class Length(Syntax):
     )
     offset: LengthOffset = Field(0, description="Added to what it counts, in bytes.", examples=[0])
     unit: WordSize = Field(1, description="Bytes that one count stands for; with `counts: payload` only.", examples=[2])
-
-
-class Avoided(Syntax):
-    """Values that a check must not have on the wire, such as those of control characters."""
-
-    noun = "`avoid`"
-
-    values: ByteRanges = Field(description="One value, a range, or a list of these.", examples=["[0x0A, 0x0D]"])
-    plus: Register = Field(description="Added to such a value, once.", examples=[1])
-
-
-class Check(Syntax):
-    """A check, in full. `type: crc`, `sum`, `xor` or `fletcher` with a `width` gives one of one's own.
-
-    Its value is worked out in this order: the sum over the units, `odd`, `negate`, `plus`, `mask`, `xorout`, `bcd`,
-    `avoid`.
-    """
-
-    noun = "`check`"
-
-    type: CheckName = Field(
-        description="Name in the catalogue of check algorithms, or crc, sum, xor or fletcher for one's own.",
-        examples=["crc-16/ibm-sdlc"],
-    )
-    over: PartRanges | None = Field(
-        None,
-        description="The parts it covers, first..last by kind or name, or a list of such ranges in the order in which "
-        "they are counted; default: all that precede it.",
-        examples=["id..payload"],
-    )
-    byte: Annotated[str | None, one_word("low", "high")] = Field(
-        None, description="Send this byte of the check's value alone.", examples=["high"]
-    )
-    byte_order: Annotated[str | None, one_word("little", "big")] = Field(
-        None, description="Byte order of the check. Default: the file's.", examples=["big"]
-    )
-    text: Annotated[str | None, one_word("hex", "decimal")] = Field(
-        None,
-        description="Sent as hex digits, two a byte, the highest first; or in decimal digits without leading zeros, at "
-        "the frame's end.",
-        examples=["hex"],
-    )
-    seed: Annotated[str | None, one_word("message")] = Field(
-        None,
-        description="Each message's `seed` is counted behind the range, and not sent.",
-        examples=["message"],
-    )
-    width: CheckWidth | None = Field(None, description="Bits of one's own check.", examples=[16])
-    poly: Register | None = Field(
-        None, description="Polynomial, highest power first, without the leading one.", examples=["0x1021"]
-    )
-    init: Register | None = Field(None, description="Register at the start. Default: 0.", examples=["0xFFFF"])
-    refin: Bool | None = Field(None, description="Bytes enter lowest bit first. Default: false.", examples=["true"])
-    refout: Bool | None = Field(None, description="The result is reflected. Default: false.", examples=["true"])
-    unit: WordSize | None = Field(None, description="Bytes of the words that it runs over. Default: 1.", examples=[2])
-    unit_order: Annotated[str | None, one_word("little", "big")] = Field(
-        None, description="Byte order of the words. Default: the check's own.", examples=["big"]
-    )
-    odd: Annotated[str | None, one_word("pad", "xor", "refuse")] = Field(
-        None,
-        description="Bytes behind the last whole word: pad it with zeros (the default), combine each by "
-        "exclusive-or, or refuse the frame.",
-        examples=["xor"],
-    )
-    carry: Annotated[str | None, one_word("drop", "end_around")] = Field(
-        None,
-        description="What a sum does with a carry out of its highest bit: drop it (the default), or add it at the "
-        "lowest.",
-        examples=["end_around"],
-    )
-    modulo: Modulus | None = Field(
-        None, description="A sum, or both of Fletcher's, modulo this. Default: what its width holds.", examples=[255]
-    )
-    negate: Bool | None = Field(None, description="The two's complement is sent. Default: false.", examples=["true"])
-    plus: Register | None = Field(None, description="Added to the value. Default: 0.", examples=[1])
-    sums_to: Register | None = Field(None, description="The sum and its check add up to this.", examples=["0x55"])
-    mask: Register | None = Field(None, description="Bits of the value that are sent. Default: all.", examples=["0x7F"])
-    xorout: Register | None = Field(
-        None, description="Combined with the result by exclusive-or. Default: 0.", examples=["0xFFFF"]
-    )
-    bcd: Bool | None = Field(
-        None,
-        description="A sum in decimal digits of four bits each; digits that have no room are dropped. Default: false.",
-        examples=["true"],
-    )
-    avoid: Avoided | None = Field(
-        None,
-        description="Values that are never sent, and what is added to one that is worked out all the same.",
-        examples=["{values: 0..0x1F, plus: 0x20}"],
-    )
 
 
 def _payload(value: object) -> int | str:
@@ -216,16 +118,6 @@ class TailPart(PartSyntax):
 
     noun = "a `tail` part"
     tail: MagicBytes = Field(description="1 to 4 bytes that end every frame.", examples=["0x0D"])
-
-
-class DelimiterPart(Syntax):
-    """The byte, or the two, before and after every frame."""
-
-    noun = "a `delimiter` part"
-    delimiter: DelimiterBytes = Field(
-        description="The byte, or the two, that stand before and after every frame; first and last part.",
-        examples=["0x00"],
-    )
 
 
 class LengthPart(PartSyntax):
@@ -396,20 +288,23 @@ class CheckPart(PartSyntax):
 _INNER = (
     "magic", "constant", "tail", "length", "id", "payload", "reserved", "field", "sequence", "bits", "check",
 )  # fmt: skip
-_OUTER = (*_INNER, "delimiter", "cobs", "slip", "hdlc", "doubled", "escaped", "hex", "inserted", "silence")
+OUTER = (*_INNER, "delimiter", "cobs", "slip", "hdlc", "doubled", "escaped", "hex", "inserted", "silence")
 
 
-def _part_key(value: object) -> str:
+def part_key(value: object) -> str:
+    """The tag of a part in the unions of parts; empty: it is none."""
     found = part_keys(value) if isinstance(value, dict) else []
     return _TAG + found[0] if found else ""
 
 
 def part_keys(value: dict[str, object]) -> list[str]:
     """The keys that say which part this is. An option that is called as a part (`bits` within `fields`) is none."""
-    return [key for key in value if key in _OUTER]
+    return [key for key in value if key in OUTER]
 
 
-def _one_part(allowed: tuple[str, ...]) -> Callable[[object], object]:
+def one_part(allowed: tuple[str, ...]) -> Callable[[object], object]:
+    """Refuses what is not one part, or not one of these."""
+
     def validate(value: object) -> object:
         if not isinstance(value, dict):
             raise wrong(f"{describe(value)} is not a part of a frame; write `- part: value`, such as `- magic: 0xAA`")
@@ -439,148 +334,8 @@ InnerPart = Annotated[
     | Annotated[SequencePart, Tag("part:sequence")]
     | Annotated[BitsPart, Tag("part:bits")]
     | Annotated[CheckPart, Tag("part:check")],
-    Discriminator(_part_key),
-    BeforeValidator(_one_part(_INNER)),
+    Discriminator(part_key),
+    BeforeValidator(one_part(_INNER)),
 ]
 
 InnerParts = Annotated[list[InnerPart], Field(min_length=1, max_length=MAX_PARTS)]
-
-
-class CobsPart(Syntax):
-    """Parts that are stuffed with COBS."""
-
-    noun = "a `cobs` part"
-    cobs: list[InnerPart] = Field(
-        min_length=1,
-        max_length=MAX_PARTS,
-        description="The parts between the delimiters, stuffed with COBS so that they cannot contain one.",
-        examples=["[id: u8, payload: rest, check: crc-16/ibm-sdlc]"],
-    )
-
-
-class SlipPart(Syntax):
-    """Parts that are stuffed as SLIP does (RFC 1055)."""
-
-    noun = "a `slip` part"
-    slip: InnerParts = Field(
-        description="The parts between the delimiters 0xC0, stuffed as SLIP does.",
-        examples=["[id: u8, payload: rest, check: crc-16/ibm-sdlc]"],
-    )
-
-
-class HdlcPart(Syntax):
-    """Parts that are stuffed as HDLC does on asynchronous lines (RFC 1662)."""
-
-    noun = "an `hdlc` part"
-    hdlc: InnerParts = Field(
-        description="The parts between the delimiters 0x7E, stuffed as HDLC does: 0x7D, then the byte xor 0x20.",
-        examples=["[id: u8, payload: rest, check: crc-16/ibm-sdlc]"],
-    )
-
-
-class DoubledPart(Syntax):
-    """Parts in which the delimiters' first byte is doubled."""
-
-    noun = "a `doubled` part"
-    doubled: InnerParts = Field(
-        description="The parts between delimiters that begin alike (DLE STX, DLE ETX; or DLE alone, DLE ETX): this "
-        "first byte is sent twice where it stands among them.",
-        examples=["[id: u8, payload: rest, check: crc-16/ibm-sdlc]"],
-    )
-
-
-class Escaped(Syntax):
-    """An escape rule of one's own."""
-
-    noun = "`escaped`"
-
-    escape: OneByte = Field(description="The byte that announces a stuffed one.", examples=["0x10"])
-    xor: OneByte = Field(description="A stuffed byte is sent xor this.", examples=["0x20"])
-    also: ConstantBytes | None = Field(
-        None, description="Bytes to stuff beside the delimiters and the escape.", examples=["0x11 0x13"]
-    )
-    parts: InnerParts = Field(
-        description="The parts that are stuffed.", examples=["[id: u8, payload: rest, check: sum8]"]
-    )
-
-
-class EscapedPart(Syntax):
-    """Parts that are stuffed by an escape rule of one's own."""
-
-    noun = "an `escaped` part"
-    escaped: Escaped = Field(description="Escape rule of one's own, and the parts that it covers.")
-
-
-def _sequence(after: bytes) -> bytes:
-    if not 2 <= len(after) <= MAX_INSERTION:
-        raise wrong(f"the sequence has {len(after)} bytes; write 2 to {MAX_INSERTION}, such as 0xFF 0xFF 0xFD")
-    if any(after[:size] == after[-size:] for size in range(1, len(after))):
-        raise wrong("this sequence ends as it begins, so that two of them could overlap; take another")
-    return after
-
-
-class HexPart(Syntax):
-    """Parts that are sent as hex digits."""
-
-    noun = "a `hex` part"
-    hex: InnerParts = Field(
-        description="The parts between the delimiters, each byte sent as two hex digits, the high one first.",
-        examples=["[id: u8, payload: rest, check: sum8-negated]"],
-    )
-    first: Annotated[str | None, one_word("digit")] = Field(
-        None, description="The first byte is below 16, and sent as one digit.", examples=["digit"]
-    )
-
-
-class Inserted(Syntax):
-    """A byte that is inserted behind a sequence."""
-
-    noun = "`inserted`"
-
-    after: Annotated[ConstantBytes, AfterValidator(_sequence)] = Field(
-        description="Two to four bytes; the first differs from the last.", examples=["0xFF 0xFF 0xFD"]
-    )
-    byte: OneByte = Field(description="What is sent behind them, wherever they stand.", examples=["0xFD"])
-    parts: InnerParts = Field(description="The parts that are stuffed.", examples=["[id: u8, payload: by_length]"])
-
-
-class InsertedPart(Syntax):
-    """Parts in which a byte is inserted behind a sequence."""
-
-    noun = "an `inserted` part"
-    inserted: Inserted = Field(description="The sequence, the byte behind it, and the parts that it covers.")
-
-
-class SilencePart(Syntax):
-    """The pause that ends a frame."""
-
-    noun = "a `silence` part"
-    silence: Duration = Field(
-        description="Last part: a frame ends when the line is silent for so long.", examples=["2 ms"]
-    )
-
-
-Part = Annotated[
-    Annotated[MagicPart, Tag("part:magic")]
-    | Annotated[ConstantPart, Tag("part:constant")]
-    | Annotated[TailPart, Tag("part:tail")]
-    | Annotated[DelimiterPart, Tag("part:delimiter")]
-    | Annotated[LengthPart, Tag("part:length")]
-    | Annotated[IdPart, Tag("part:id")]
-    | Annotated[PayloadPart, Tag("part:payload")]
-    | Annotated[ReservedPart, Tag("part:reserved")]
-    | Annotated[FieldPart, Tag("part:field")]
-    | Annotated[SequencePart, Tag("part:sequence")]
-    | Annotated[BitsPart, Tag("part:bits")]
-    | Annotated[CheckPart, Tag("part:check")]
-    | Annotated[SlipPart, Tag("part:slip")]
-    | Annotated[HdlcPart, Tag("part:hdlc")]
-    | Annotated[DoubledPart, Tag("part:doubled")]
-    | Annotated[EscapedPart, Tag("part:escaped")]
-    | Annotated[HexPart, Tag("part:hex")]
-    | Annotated[InsertedPart, Tag("part:inserted")]
-    | Annotated[SilencePart, Tag("part:silence")]
-    | Annotated[CobsPart, Tag("part:cobs")],
-    Discriminator(_part_key),
-    BeforeValidator(_one_part(_OUTER)),
-]

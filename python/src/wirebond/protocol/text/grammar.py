@@ -11,8 +11,9 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, ConfigDict, Discriminator, Field, PlainValidator, Tag
 
 from wirebond.protocol.model import MAX_LATENCY
+from wirebond.protocol.text.envelope_grammar import Part
 from wirebond.protocol.text.field_grammar import Fields, FieldSyntax
-from wirebond.protocol.text.frame_grammar import MAX_PARTS, Part
+from wirebond.protocol.text.frame_grammar import MAX_PARTS
 from wirebond.protocol.text.matching import Ids, MatchValue
 from wirebond.protocol.text.scalars import (
     Baud,

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from wirebond.protocol.problems import Place, Problems
-from wirebond.protocol.text.frame_grammar import Part
+from wirebond.protocol.text.envelope_grammar import Part
 from wirebond.protocol.text.grammar import File
 from wirebond.protocol.text.wording import Syntax
 from wirebond.protocol.text.yaml_tree import Mapping, Node, Sequence, plain
