@@ -1,4 +1,5 @@
 // Converts a whole capture to numpy columns, without a Python object per message.
+// One file: a capture is cut into parts, and the parts are joined again.
 #include "columns.hpp"
 
 #include <nanobind/ndarray.h>

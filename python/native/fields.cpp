@@ -1,4 +1,5 @@
 // Converts payload bytes to Python values and back, independent of their frame.
+// One file: for each kind of value, the way in and the way out.
 #include "fields.hpp"
 
 #include <nanobind/stl/string.h>

@@ -1,4 +1,5 @@
 // A supervised link: thread, port and clock around a LinkCore. The core decides what a link does.
+// One file: all of it is one thread and its callers, around one lock.
 #include "link.hpp"
 
 #include <nanobind/stl/string.h>

@@ -1,5 +1,5 @@
 // A soak in real time: the host's end on one pty, the MCU's on another one, a paced wire between them; a thread each.
-// What wirebond soak runs without --virtual. It prints what main.cpp prints.
+// What wirebond soak runs without --virtual. It prints what main.cpp prints. One file, as it is one program.
 #include <poll.h>
 #include <signal.h>
 #include <sys/prctl.h>

@@ -1,7 +1,8 @@
 """Check the dependency rules: which folder may use which. Part of ``make lint``.
 
 The rules are the two tables of docs/DESIGN.md under "Dependencies". Everything that they do not allow is refused. In
-the package, files may not import each other in large circles, nor use a private name of another package.
+the package, files may not import each other in large circles, nor use a private name of another package. A long source
+file says at its top why it is one file.
 """
 
 from __future__ import annotations
@@ -215,6 +216,27 @@ def _is_private(name: str) -> bool:
     return name.startswith("_") and not name.endswith("__")
 
 
+LONG = 450  # lines of a source file
+_SOURCES = {"core/include": "*.h*", "ports": "*.[hc]*", "sim": "*.[hc]pp", "firmware": "*.[hc]pp", "python": "*.py",
+            "python/native": "*.[hc]pp", "console/src": "*.[ts]*"}  # fmt: skip
+
+
+def length_problems() -> list[str]:
+    """Return a sentence for each long source file that does not begin with the reason why it is one file."""
+    problems = []
+    for folder, endings in _SOURCES.items():
+        for path in sorted((ROOT / folder).rglob(endings)):
+            if not path.is_file():
+                continue
+            lines = path.read_text(encoding="utf-8").splitlines()
+            if len(lines) > LONG and not any("One file" in line for line in lines[:12]):
+                problems.append(
+                    f"{path.relative_to(ROOT)} has {len(lines)} lines; divide it, or begin with a sentence "
+                    "`One file: …` that says what holds it together"
+                )
+    return problems
+
+
 def module_of(path: Path) -> str:
     """Return the module of a file below the package, as a path."""
     name = path.relative_to(PACKAGE).with_suffix("").as_posix()
@@ -248,6 +270,7 @@ def _module(base: str, name: str) -> str:
 def main() -> int:
     rules = read_rules((ROOT / "docs" / "DESIGN.md").read_text(encoding="utf-8"))
     problems = cpp_problems(rules) + python_problems(rules) + circle_problems() + private_problems(rules)
+    problems += length_problems()
     for problem in problems:
         print(problem)
     return 1 if problems else 0

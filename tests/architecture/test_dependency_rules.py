@@ -13,6 +13,7 @@ from tests.architecture.dependency_rules import (
     Rules,
     circle_problems,
     cpp_problems,
+    length_problems,
     order_problems,
     private_problems,
     python_problems,
@@ -106,3 +107,16 @@ def test_a_private_name_of_another_package_is_refused(tmp_path: Path, monkeypatc
 def test_the_page_has_a_row_for_each_package_and_no_other() -> None:
     assert all((PACKAGE / package).is_dir() or (PACKAGE / f"{package}.py").is_file() for package in RULES.python)
     assert all((ROOT / folder).is_dir() for folder in RULES.cpp)
+
+
+def test_a_long_file_says_why_it_is_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert length_problems() == []
+    monkeypatch.setattr(dependency_rules, "ROOT", tmp_path)
+    (tmp_path / "python").mkdir()
+    long = tmp_path / "python" / "long.py"
+    long.write_text("x = 1\n" * 450)
+    assert length_problems() == []
+    long.write_text("x = 1\n" * 451)
+    assert "python/long.py has 451 lines" in length_problems()[0]
+    long.write_text('"""One file: it is a table."""\n' + "x = 1\n" * 451)
+    assert length_problems() == []

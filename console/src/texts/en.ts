@@ -1,5 +1,6 @@
 // All texts of the page in English. The other tables have the type of this one: a missing key does not compile.
 // What the server says (sentences about the link, refused commands) comes in both languages: `said` chooses.
+// One file: it is a table.
 export const en = {
   close: "Close",
   cancel: "Cancel",

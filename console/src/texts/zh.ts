@@ -1,4 +1,4 @@
-// 简体中文。术语：上位机（host）、下位机（MCU）、丢包、校验、急停、看门狗期限（deadline）。
+// 简体中文。术语：上位机（host）、下位机（MCU）、丢包、校验、急停、看门狗期限（deadline）。One file: it is a table.
 import type { Texts } from "./en";
 
 export const zh: Texts = {

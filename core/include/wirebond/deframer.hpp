@@ -1,4 +1,5 @@
 // Finds frames in a run of bytes, resynchronises, and accounts for every byte. Owns no byte.
+// One file: all ways to find a frame share one account of the bytes and one rule for who is blamed.
 #pragma once
 
 #include <cstddef>

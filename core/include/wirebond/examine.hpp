@@ -1,4 +1,5 @@
 // One candidate, one verdict: is this a frame, is it none, or must more bytes come? No state, no position in a stream.
+// One file: the rules stand in the order in which they can first be decided.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,7 @@
-"""A protocol together with the compiled engine: encode, decode, statistics, columns."""
+"""A protocol together with the compiled engine: encode, decode, statistics, columns.
+
+One file: what encodes and decodes, and the tables and counts that come of it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
 // All frames that a host wants to send, and their order: queue, repeated values, safe values, the stop.
+// One file: every rule is about the same order, in which frames leave.
 #pragma once
 
 #include <algorithm>

@@ -1,5 +1,6 @@
 // One supervised connection of an end: delivers received messages to the handler, queues messages to send, detects
 // silence. The user provides the memory of both rings, the port that moves bytes, and the clock.
+// One file: an interrupt and a loop share its state, and who may touch what shows only side by side.
 #pragma once
 
 #include <atomic>

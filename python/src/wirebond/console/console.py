@@ -25,7 +25,7 @@ from wirebond.console.visitors import Visitors, protocols_for
 from wirebond.errors import UsageError
 from wirebond.paths import PAGE
 from wirebond.seldom import SeldomFilter, limit_errors_of
-from wirebond.server.owner import tcp_socket
+from wirebond.server.listening import tcp_socket
 
 if TYPE_CHECKING:
     from wirebond.link import Link

@@ -1,4 +1,7 @@
-"""A link: one port, opened and supervised by threads of its own; messages come out, frames go in."""
+"""A link: one port, opened and supervised by threads of its own; messages come out, frames go in.
+
+One file: the list of what a program does with a link; each method is a few lines and its documentation.
+"""
 
 from __future__ import annotations
 

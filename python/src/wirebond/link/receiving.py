@@ -1,4 +1,7 @@
-"""What a program does with received messages: take them, see the newest, have functions called, ask for replies."""
+"""What a program does with received messages: take them, see the newest, have functions called, ask for replies.
+
+One file: the same list for received messages; each method is a few lines and its documentation.
+"""
 
 from __future__ import annotations
 

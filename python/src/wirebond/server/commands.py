@@ -1,4 +1,7 @@
-"""What clients ask of the link, and what becomes of it: commands under the rules of control, requests, questions."""
+"""What clients ask of the link, and what becomes of it: commands under the rules of control, requests, questions.
+
+One file: whatever is asked, the same rules of control come first.
+"""
 
 from __future__ import annotations
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import hmac
-import ipaddress
 import os
 import secrets
 import socket
@@ -28,6 +27,7 @@ from wirebond.server.client import Client
 from wirebond.server.command_log import CommandLog
 from wirebond.server.commands import Commands
 from wirebond.server.control import ControlBook, Why
+from wirebond.server.listening import tcp_socket, unix_socket
 from wirebond.server.recordings import Recordings
 from wirebond.server.stop import OWNER, StopBook
 from wirebond.server.strangers import WITHIN, Strangers, WrongTokens
@@ -40,7 +40,6 @@ _STALL = 5 * _LOOK_EVERY  # seconds without a look: what sockets bring then may 
 _GATHER = 0.001  # seconds that received messages may wait for others, so that a client gets them in one piece
 MOST_CLIENTS = 256
 _BACKLOG = 32  # connections that are accepted before the loop does anything else
-_WAITING = 1024  # connections that the system keeps until they are accepted
 _PATIENCE = 5.0  # seconds that the thread has to begin and to end
 
 
@@ -363,7 +362,7 @@ class Owner:
         found: list[socket.socket] = []
         try:
             if self.path is not None:
-                found.append(_unix_socket(self.path))
+                found.append(unix_socket(self.path))
             if tcp is not None:
                 found.append(tcp_socket(*tcp))
         except BaseException:
@@ -405,71 +404,3 @@ class Owner:
 
 def _refusal(error: str, text: str) -> dict[str, Any]:
     return {"error": error, "text": text}
-
-
-def is_loopback(host: str) -> bool:
-    """Is it this computer alone that reaches the host by this name?"""
-    if host == "localhost":
-        return True
-    with contextlib.suppress(ValueError):
-        return ipaddress.ip_address(host).is_loopback
-    return False
-
-
-class _Listener(socket.socket):
-    """asyncio has one number for how many connections wait, and for how many it accepts at once. Many may wait: where
-    there is no room TCP tries again only after a second, and a flood of strangers would cost the driver that."""
-
-    def listen(self, _backlog: int = _WAITING, /) -> None:
-        super().listen(_WAITING)
-
-
-def _unix_socket(path: str) -> socket.socket:
-    found = _Listener(socket.AF_UNIX)
-    try:
-        if _is_served(path):
-            raise PortError(f"another server listens at {path}; end that one, or choose another name", None, path)
-        with contextlib.suppress(FileNotFoundError):
-            if Path(path).is_socket():  # of a server that was killed
-                Path(path).unlink()
-        before = os.umask(0o177)
-        try:
-            found.bind(path)
-        finally:
-            os.umask(before)
-        found.listen()
-    except OSError as error:
-        found.close()
-        if isinstance(error, PortError):
-            raise
-        raise PortError(
-            f"cannot listen at {path}: {error.strerror or error}; choose a path in a folder that you may write to",
-            error.errno,
-            path,
-        ) from None
-    return found
-
-
-def _is_served(path: str) -> bool:
-    with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX) as probe:
-        probe.settimeout(1.0)
-        probe.connect(path)
-        return True
-    return False
-
-
-def tcp_socket(host: str, port: int) -> socket.socket:
-    """One that listens there.
-
-    :raises PortError: it cannot.
-    """
-    try:
-        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
-        return _Listener(fileno=socket.create_server((host, port), family=family, backlog=_WAITING).detach())
-    except OSError as error:
-        raise PortError(
-            f"cannot listen at {host}:{port}: {error.strerror or error}; choose an address of this computer and a port "
-            "that no other program has",
-            error.errno,
-            f"{host}:{port}",
-        ) from None

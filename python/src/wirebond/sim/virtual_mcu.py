@@ -4,7 +4,7 @@ It sends every MCU message that has ``every``. Its values rest until the host co
 field of the reply that has the request's name and kind carries its value back, and a list has as many elements as the
 request asks for with the field that ``asked_by`` names) from the address that was asked, serves hello, clock and
 parameters, says its own counters, stamps messages with a clock of its own, applies the rules of the fields, and keeps
-the deadlines at ``mcu``, of each address by itself.
+the deadlines at ``mcu``, of each address by itself. One file: each behaviour is a few lines over the same state.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
 // One direction of a simulated wire: bytes and times in, bytes and times out. No clock, no thread, no descriptor.
+// One file: all faults act on one stream of bytes, in a fixed order.
 #pragma once
 
 #include <algorithm>

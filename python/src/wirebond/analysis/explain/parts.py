@@ -19,7 +19,7 @@ from wirebond.analysis.explain.layout import (
     shown_check,
     spans,
 )
-from wirebond.analysis.explain.values import read_number as read_value
+from wirebond.analysis.explain.numbers import number_of
 from wirebond.analysis.explain.verdict import Verdict
 from wirebond.protocol.matching import one_id
 from wirebond.protocol.meaning.messages import spoken
@@ -147,7 +147,7 @@ def _field(context: Context) -> str:
 
 def header_text(header: HeaderField, number: int) -> str:
     """A header field's value; of an address whose it is."""
-    text = read_value(header.value, number)[1]
+    text = number_of(header.value, number)[1]
     if header.address is None:
         return text
     if number in header.broadcast_bits:
@@ -162,7 +162,7 @@ def header_values(parts: tuple[Part, ...], data: bytes, payload_size: int) -> tu
     faults = []
 
     def note(header: HeaderField, bits: int) -> None:
-        found[header.name], _, fault = read_value(header.value, bits)
+        found[header.name], _, fault = number_of(header.value, bits)
         faults.extend([f"header.{header.name}{fault}"] if fault else [])
 
     for part, (start, stop) in zip(parts, spans(parts, payload_size), strict=True):

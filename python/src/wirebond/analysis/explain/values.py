@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import re
-import struct
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
 from wirebond.analysis.explain.constants import constant_text
-from wirebond.protocol.decimals import decimal_text
-from wirebond.protocol.meaning.field_values import number_text
-from wirebond.protocol.model import BitOrder, ByteOrder, Digits, Field, FieldKind, Message
+from wirebond.analysis.explain.numbers import ReadNumber, number_of, packed_number, raw_number, whole_number, with_unit
+from wirebond.protocol.model import Digits, Field, FieldKind, Message
 from wirebond.protocol.payload_rules import bit_places, bits_of, bits_text
 from wirebond.protocol.spelling import field_type
 from wirebond.visible import visible
@@ -44,11 +41,6 @@ def read_fields(message: Message, payload: bytes) -> list[Reading]:
     with suppress(_CutOff):  # what is there is named; the rest is not all there
         walk.read_all(message.fields, found)
     return found
-
-
-def read_number(field: Field, raw: int) -> tuple[Any, str, str]:
-    """One number by its bits, as a header field has them: its value, in words, and the rule that it breaks."""
-    return _number(field, raw)
 
 
 def values_of(readings: Iterable[Reading]) -> dict[str, Any]:
@@ -112,7 +104,7 @@ class _Walk:
                 promised = told[name] // step
             reading = self._read(field, promised)
             if field.is_count:
-                told[field.name] = _raw(field, reading.data)
+                told[field.name] = raw_number(field, reading.data)
             for run in reading.parts if field.kind == FieldKind.BITS else ():
                 if run.field.is_count:
                     told[f"{field.name}.{run.name}"] = run.value
@@ -155,15 +147,15 @@ def _numbers(walk: _Walk, field: Field, promised: int | None) -> Reading:
     start = walk.at
     if field.packed is not None:
         data = walk.take(field.min_wire_bytes)
-        raws = [_packed(data, index * field.bits, field.bits, field.packed) for index in range(field.count or 0)]
+        raws = [packed_number(data, index * field.bits, field.bits, field.packed) for index in range(field.count or 0)]
     elif field.is_list:
         number = walk.number_of_elements(field, promised)
         data = walk.take(number * field.size)
-        raws = [_raw(field, data[at : at + field.size]) for at in range(0, len(data), field.size)]
+        raws = [raw_number(field, data[at : at + field.size]) for at in range(0, len(data), field.size)]
     else:
         data = walk.take(field.size * (1 if field.count is None else field.count))
-        raws = [_raw(field, data[at : at + field.size]) for at in range(0, len(data), field.size)]
-    elements = [_number(field, raw) for raw in raws]
+        raws = [raw_number(field, data[at : at + field.size]) for at in range(0, len(data), field.size)]
+    elements = [number_of(field, raw) for raw in raws]
     if field.count is None and not field.is_list:
         value, text, fault = elements[0]
         return Reading(field, field.name, start, data, value, text, (fault,) if fault else ())
@@ -172,9 +164,9 @@ def _numbers(walk: _Walk, field: Field, promised: int | None) -> Reading:
     return Reading(field, field.name, start, data, values, _array_text(field, elements), faults)
 
 
-def _array_text(field: Field, elements: list[_Number]) -> str:
+def _array_text(field: Field, elements: list[ReadNumber]) -> str:
     texts = [text.split(" (")[0].removesuffix(f" {field.unit}") for _, text, _ in elements]
-    return _with_unit("[" + ", ".join(texts) + "]", field)
+    return with_unit("[" + ", ".join(texts) + "]", field)
 
 
 def _text(walk: _Walk, field: Field, promised: int | None) -> Reading:
@@ -201,7 +193,7 @@ def _in_characters(walk: _Walk, field: Field, digits: Digits) -> Reading:
     if wire is None:
         faults = faults or (f' is "{visible(spelled)}", which is no {field_type(field)}',)
         return Reading(field, field.name, start, data, None, f'"{visible(spelled)}"', faults)
-    value, text, fault = _whole(field, wire)
+    value, text, fault = whole_number(field, wire)
     return Reading(field, field.name, start, data, value, text, (fault,) if fault else ())
 
 
@@ -252,7 +244,7 @@ def _without_end(data: bytes, field: Field) -> bytes:
 def _padding(walk: _Walk, field: Field, _: int | None) -> Reading:
     start, data = walk.at, walk.take(field.min_wire_bytes)
     if field.constant is not None:
-        text, wanted = constant_text(field, _raw(field, data)), constant_text(field, field.constant)
+        text, wanted = constant_text(field, raw_number(field, data)), constant_text(field, field.constant)
         return Reading(field, field.name, start, data, None, "constant" if text == wanted else f"must be {wanted}")
     text = "padding: ignored" + (", though a sender puts 0 here" if any(data) else "")
     return Reading(field, field.name, start, data, None, text)
@@ -260,7 +252,7 @@ def _padding(walk: _Walk, field: Field, _: int | None) -> Reading:
 
 def _bit_fields(walk: _Walk, field: Field, _: int | None) -> Reading:
     start, data = walk.at, walk.take(field.size)
-    number = _raw(field, data)
+    number = raw_number(field, data)
     parts = []
     for part, low in bit_places(field):
         if part.kind == FieldKind.PADDING and part.constant is None:
@@ -271,7 +263,7 @@ def _bit_fields(walk: _Walk, field: Field, _: int | None) -> Reading:
             text = f"{there}, a constant" if there == wanted else f"{there}, which must be {wanted}"
             parts.append(Reading(part, part.name, start, b"", None, text))
             continue
-        value, text, fault = _number(part, bits)
+        value, text, fault = number_of(part, bits)
         text = f"{text}, {bits_text(part, low)}"
         parts.append(Reading(part, part.name, start, b"", value, text, (fault,) if fault else ()))
     text = f"0x{number:0{2 * field.size}X}, shared by its bits"
@@ -325,127 +317,3 @@ _READERS: dict[FieldKind, Callable[[_Walk, Field, int | None], Reading]] = {
 
 
 # ---- one number ----
-
-_Number = tuple[Any, str, str]  # value, text, fault
-
-
-def _raw(field: Field, data: bytes) -> int:
-    return int.from_bytes(data, "big" if field.order == ByteOrder.BIG else "little")
-
-
-def _packed(data: bytes, bit: int, width: int, order: BitOrder) -> int:
-    """``width`` bits from place ``bit`` on of a string of bits that begins at this end of each byte."""
-    if order == BitOrder.LOW:
-        return int.from_bytes(data, "little") >> bit & (1 << width) - 1
-    return int.from_bytes(data, "big") >> 8 * len(data) - bit - width & (1 << width) - 1
-
-
-def _number(field: Field, raw: int) -> _Number:
-    if field.kind == FieldKind.BOOL:
-        return raw != 0, "true" if raw else "false", "" if raw <= 1 else f" is {raw}; a bool is 0 or 1"
-    if field.kind == FieldKind.FLOAT:
-        return _float(field, raw)
-    if field.kind == FieldKind.BCD:
-        return _decimal_digits(field, raw)
-    return _whole(field, _signed(field, raw) if field.kind == FieldKind.SIGNED else raw)
-
-
-def _decimal_digits(field: Field, raw: int) -> _Number:
-    digits = f"{raw:0{field.width // 4}X}"
-    if digits.isdecimal():
-        return _whole(field, int(digits))
-    value, *_ = _whole(field, field.bcd_end)
-    return value, f"0x{digits}", f" is 0x{digits}, which has other digits than 0 to 9"
-
-
-def _signed(field: Field, raw: int) -> int:
-    top = 1 << (field.width - 1)
-    if field.sign_magnitude:
-        return -(raw & top - 1) if raw & top else raw
-    return raw - 2 * top if raw & top else raw
-
-
-def _whole(field: Field, wire: int) -> _Number:
-    if field.flags:
-        return _flags(field, wire)
-    if field.enum:
-        name = next((name for name, value in field.enum if value == wire), None)
-        if name is not None:
-            return name, f"{name} ({wire})", ""
-        unnamed = f" is {wire}, which has no name"
-        return (_scaled(field, wire) if field.is_scaled else wire), str(wire), unnamed
-    of_clock = " on the MCU's clock" if field.clock is not None else ""
-    if not field.is_scaled:
-        return wire, _with_unit(str(wire), field) + of_clock, _range_fault(field, wire)
-    value = _scaled(field, wire)
-    shown = f"{_with_unit(_decimal(value), field)}{of_clock} ({_working(field, str(wire))})"
-    return value, shown, _range_fault(field, value)
-
-
-def _flags(field: Field, wire: int) -> _Number:
-    names: list[Any] = [name for name, bit in field.flags if wire >> bit & 1]
-    unnamed = wire & ~sum(1 << bit for _, bit in field.flags)
-    names += [1 << bit for bit in range(field.width) if unnamed >> bit & 1]
-    shown = ", ".join(name if isinstance(name, str) else f"bit {name.bit_length() - 1}" for name in names)
-    fault = f" has bits without a name: 0x{unnamed:X}" if unnamed else ""
-    return names, f"{shown or 'none'} (0x{wire:0{(field.width + 3) // 4}X})", fault
-
-
-def _float(field: Field, raw: int) -> _Number:
-    (wire,) = struct.unpack("<f" if field.size == 4 else "<d", raw.to_bytes(field.size, "little"))
-    if not math.isfinite(wire):
-        return _scaled(field, wire) if field.is_scaled else wire, str(wire), " is not a finite number"
-    shown = _decimal(wire) if field.size == 8 else _shortest_f32(wire)
-    if not field.is_scaled:
-        return wire, _with_unit(shown, field), _range_fault(field, wire)
-    value = _scaled(field, wire)
-    fault = _range_fault(field, value)
-    if not math.isfinite(value) or (field.size == 4 and _as_f32(value) is None):
-        fault = f" is {value:g}, beyond a {8 * field.size}-bit float"
-    return value, f"{_with_unit(_decimal(value), field)} ({_working(field, shown)})", fault
-
-
-def _as_f32(value: float) -> float | None:
-    """The nearest 32-bit float; None where it is too large."""
-    try:
-        return float(struct.unpack("<f", struct.pack("<f", value))[0])
-    except OverflowError:
-        return None
-
-
-def _scaled(field: Field, wire: float) -> float:
-    """In doubles and in this order, so that it is the engine's value to the last bit: `to_si` in native/element.hpp.
-    tests/test_scaled_values.py compares the two."""
-    numerator, addend, denominator, offset = field.double_factors
-    if field.kind == FieldKind.FLOAT:  # adding a zero would take the sign of another
-        scaled = float(wire) * numerator / denominator
-        return scaled + float(offset) if offset else scaled
-    return (float(wire) * numerator + addend) / denominator + float(offset)
-
-
-def _range_fault(field: Field, value: float) -> str:
-    if field.minimum is None or field.maximum is None or field.minimum <= value <= field.maximum:
-        return ""
-    return f" is outside {_with_unit(f'{_decimal(field.minimum)} to {_decimal(field.maximum)}', field)}"
-
-
-def _working(field: Field, wire: str) -> str:
-    offset = f" + {number_text(field.offset)}" if field.offset > 0 else f" - {number_text(-field.offset)}"
-    return f"{wire} * {number_text(field.scale)}" + (offset if field.offset else "")
-
-
-def _with_unit(text: str, field: Field) -> str:
-    return f"{text} {field.unit}" if field.unit else text
-
-
-def _decimal(value: float) -> str:
-    return decimal_text(value, 10)
-
-
-def _shortest_f32(value: float) -> str:
-    """The fewest digits that give this float again: 0.1, not 0.10000000149."""
-    for digits in range(1, 9):
-        text = decimal_text(value, digits)
-        if _as_f32(float(text)) == value:  # none where it was rounded up past the greatest float
-            return text
-    return decimal_text(value, 9)

@@ -23,7 +23,7 @@ from wirebond.link.attached.address import SCHEME, make_socket_folder, socket_of
 from wirebond.link.attached.kept_token import kept_token
 from wirebond.link.common_port import CommonPort
 from wirebond.server import Server
-from wirebond.server.owner import is_loopback
+from wirebond.server.listening import is_loopback
 from wirebond.server.recordings import Recordings
 
 if TYPE_CHECKING:

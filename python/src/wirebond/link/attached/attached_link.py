@@ -1,7 +1,8 @@
 """A link that a server owns: every call is a message to the server, and received messages come from it.
 
 It has the methods of the engine's own ``Link``, so that ``wirebond.Link`` uses the one as the other. One thread: it
-connects, reads, and tells the server ten times a second that the program runs.
+connects, reads, and tells the server ten times a second that the program runs. One file: its calls, its connection and
+its thread share one lock.
 """
 
 from __future__ import annotations

@@ -1,0 +1,138 @@
+"""A number in a payload: its value, how that came out, and the field rule that it breaks."""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Any
+
+from wirebond.protocol.decimals import decimal_text
+from wirebond.protocol.meaning.field_values import number_text
+from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind
+
+ReadNumber = tuple[Any, str, str]  # value, text, fault
+
+
+def raw_number(field: Field, data: bytes) -> int:
+    """The bits of a number in these bytes."""
+    return int.from_bytes(data, "big" if field.order == ByteOrder.BIG else "little")
+
+
+def packed_number(data: bytes, bit: int, width: int, order: BitOrder) -> int:
+    """``width`` bits from place ``bit`` on of a string of bits that begins at this end of each byte."""
+    if order == BitOrder.LOW:
+        return int.from_bytes(data, "little") >> bit & (1 << width) - 1
+    return int.from_bytes(data, "big") >> 8 * len(data) - bit - width & (1 << width) - 1
+
+
+def number_of(field: Field, raw: int) -> ReadNumber:
+    """One number by its bits: its value, in words, and the rule that it breaks."""
+    if field.kind == FieldKind.BOOL:
+        return raw != 0, "true" if raw else "false", "" if raw <= 1 else f" is {raw}; a bool is 0 or 1"
+    if field.kind == FieldKind.FLOAT:
+        return _float(field, raw)
+    if field.kind == FieldKind.BCD:
+        return _decimal_digits(field, raw)
+    return whole_number(field, _signed(field, raw) if field.kind == FieldKind.SIGNED else raw)
+
+
+def _decimal_digits(field: Field, raw: int) -> ReadNumber:
+    digits = f"{raw:0{field.width // 4}X}"
+    if digits.isdecimal():
+        return whole_number(field, int(digits))
+    value, *_ = whole_number(field, field.bcd_end)
+    return value, f"0x{digits}", f" is 0x{digits}, which has other digits than 0 to 9"
+
+
+def _signed(field: Field, raw: int) -> int:
+    top = 1 << (field.width - 1)
+    if field.sign_magnitude:
+        return -(raw & top - 1) if raw & top else raw
+    return raw - 2 * top if raw & top else raw
+
+
+def whole_number(field: Field, wire: int) -> ReadNumber:
+    """The same by the number on the wire, whose sign is known."""
+    if field.flags:
+        return _flags(field, wire)
+    if field.enum:
+        name = next((name for name, value in field.enum if value == wire), None)
+        if name is not None:
+            return name, f"{name} ({wire})", ""
+        unnamed = f" is {wire}, which has no name"
+        return (scaled(field, wire) if field.is_scaled else wire), str(wire), unnamed
+    of_clock = " on the MCU's clock" if field.clock is not None else ""
+    if not field.is_scaled:
+        return wire, with_unit(str(wire), field) + of_clock, range_fault(field, wire)
+    value = scaled(field, wire)
+    shown = f"{with_unit(_decimal(value), field)}{of_clock} ({_working(field, str(wire))})"
+    return value, shown, range_fault(field, value)
+
+
+def _flags(field: Field, wire: int) -> ReadNumber:
+    names: list[Any] = [name for name, bit in field.flags if wire >> bit & 1]
+    unnamed = wire & ~sum(1 << bit for _, bit in field.flags)
+    names += [1 << bit for bit in range(field.width) if unnamed >> bit & 1]
+    shown = ", ".join(name if isinstance(name, str) else f"bit {name.bit_length() - 1}" for name in names)
+    fault = f" has bits without a name: 0x{unnamed:X}" if unnamed else ""
+    return names, f"{shown or 'none'} (0x{wire:0{(field.width + 3) // 4}X})", fault
+
+
+def _float(field: Field, raw: int) -> ReadNumber:
+    (wire,) = struct.unpack("<f" if field.size == 4 else "<d", raw.to_bytes(field.size, "little"))
+    if not math.isfinite(wire):
+        return scaled(field, wire) if field.is_scaled else wire, str(wire), " is not a finite number"
+    shown = _decimal(wire) if field.size == 8 else _shortest_f32(wire)
+    if not field.is_scaled:
+        return wire, with_unit(shown, field), range_fault(field, wire)
+    value = scaled(field, wire)
+    fault = range_fault(field, value)
+    if not math.isfinite(value) or (field.size == 4 and _as_f32(value) is None):
+        fault = f" is {value:g}, beyond a {8 * field.size}-bit float"
+    return value, f"{with_unit(_decimal(value), field)} ({_working(field, shown)})", fault
+
+
+def _as_f32(value: float) -> float | None:
+    """The nearest 32-bit float; None where it is too large."""
+    try:
+        return float(struct.unpack("<f", struct.pack("<f", value))[0])
+    except OverflowError:
+        return None
+
+
+def scaled(field: Field, wire: float) -> float:
+    """In doubles and in this order, so that it is the engine's value to the last bit: `to_si` in native/element.hpp.
+    tests/test_scaled_values.py compares the two."""
+    numerator, addend, denominator, offset = field.double_factors
+    if field.kind == FieldKind.FLOAT:  # adding a zero would take the sign of another
+        scaled = float(wire) * numerator / denominator
+        return scaled + float(offset) if offset else scaled
+    return (float(wire) * numerator + addend) / denominator + float(offset)
+
+
+def range_fault(field: Field, value: float) -> str:
+    if field.minimum is None or field.maximum is None or field.minimum <= value <= field.maximum:
+        return ""
+    return f" is outside {with_unit(f'{_decimal(field.minimum)} to {_decimal(field.maximum)}', field)}"
+
+
+def _working(field: Field, wire: str) -> str:
+    offset = f" + {number_text(field.offset)}" if field.offset > 0 else f" - {number_text(-field.offset)}"
+    return f"{wire} * {number_text(field.scale)}" + (offset if field.offset else "")
+
+
+def with_unit(text: str, field: Field) -> str:
+    return f"{text} {field.unit}" if field.unit else text
+
+
+def _decimal(value: float) -> str:
+    return decimal_text(value, 10)
+
+
+def _shortest_f32(value: float) -> str:
+    """The fewest digits that give this float again: 0.1, not 0.10000000149."""
+    for digits in range(1, 9):
+        text = decimal_text(value, digits)
+        if _as_f32(float(text)) == value:  # none where it was rounded up past the greatest float
+            return text
+    return decimal_text(value, 9)
