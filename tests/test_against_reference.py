@@ -78,13 +78,20 @@ def test_columns_hold_what_the_decoder_delivers(name: str) -> None:
 def test_every_message_survives_encoding_and_decoding(name: str, number: int) -> None:
     proto = loaded(FORMATS[name])
     source = random.Random(name)
+    cut = 0
     for _ in range(number):
         sent = source.choice(proto.model.messages)
         frame = proto.encode(sent.name, random_values(sent, source))
-        decoder = proto.decoder(End.HOST if sent.sender == End.BOTH else sent.sender)
+        sender = End.HOST if sent.sender == End.BOTH else sent.sender
+        decoder = proto.decoder(sender)
         decoder.expect(proto.tables.request_for(sent.name))
-        (message,) = decoder.feed(frame) + decoder.finish()
+        found = decoder.feed(frame) + decoder.finish()
+        if not found and not reference.decode(proto.model, frame, sender).frames:
+            cut += 1  # it happens to hold its delimiter, which this format does not hide
+            continue
+        (message,) = found
         assert message.raw == frame
         assert message.violations == []
         again = proto.encode(message.name, message.fields, header=message.header)
         assert again == frame
+    assert cut <= number // 50

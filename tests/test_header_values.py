@@ -20,7 +20,7 @@ pytestmark = pytest.mark.live
 
 EVERY_HEADER = ROOT / "tests" / "generate" / "code" / "every_header.yaml"
 FILES = {path.stem: path for path in [*FORMATS.values(), *PROTOCOLS.glob("*.yaml"), EVERY_HEADER]}
-ALWAYS = {"every_header", "servo_bus", "optional", "dynamixel_1"}  # others are proofs
+ALWAYS = {"every_header", "servo_bus", "optional", "dynamixel_1", "by_sender"}  # others are proofs
 MESSAGES = 300
 
 

@@ -22,6 +22,7 @@ from wirebond.cli.main import main
 from wirebond.errors import PortError, UsageError
 from wirebond.link.tap import Chunk, LinkEvent
 from wirebond.recording.into_firmware import RecordedFirmware, replay_into_firmware
+from wirebond.recording.replay_port import ReplayOpener, ReplayPort
 from wirebond.sim.pty_port import PtyPort
 
 pytestmark = pytest.mark.live
@@ -65,13 +66,21 @@ def test_a_frame_with_a_silence_inside_is_refused_at_any_speed(tmp_path: Path) -
     assert [t for _, _, t in messages_of(f"replay:{path}?speed=max")] == [0.0, 0.195]
 
 
-def test_deadlines_strike_by_the_recordings_clock(tmp_path: Path) -> None:
+def test_deadlines_strike_by_the_recordings_clock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    is_tapped, open_port = threading.Event(), ReplayOpener.open
+
+    def open_then(opener: ReplayOpener) -> ReplayPort:  # else the replay may have ended before the tap is there
+        is_tapped.wait(PATIENCE)
+        return open_port(opener)
+
+    monkeypatch.setattr(ReplayOpener, "open", open_then)
     velocity = DIFFDRIVE.encode("velocity", linear=0.5)
     pieces = [Chunk(t, t, "sent", velocity) for t in (10.1, 11.9, 12.0)]
     path = made(tmp_path / "run.mcap", DIFFDRIVE, pieces)
-    with wirebond.open(DIFFDRIVE, f"replay:{path}?speed=40", role="mcu") as link:
+    with wirebond.open(DIFFDRIVE, f"replay:{path}?speed=40", role="mcu", wait_for_port=True) as link:
         tap = link.tap()
-        wait_until(lambda: link.receive(0.05) is not None and link.state == "down", "the end of the replay")
+        is_tapped.set()
+        wait_until(lambda: link.receive(0.05) is not None and "has ended" in link.why, "the end of the replay")
         found = tap.take().pieces
     first = next(p.t for p in found if isinstance(p, Chunk))
     events = [(p.kind, p.t - first) for p in found if isinstance(p, LinkEvent) and p.t >= first]

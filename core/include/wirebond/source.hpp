@@ -317,6 +317,8 @@ WIREBOND_INLINE bool takes_form(const Source& source, std::size_t index, std::ui
   const Form& form = format.forms[index];
   if constexpr (most.header_fields != 0) {
     if (header.values != nullptr && !agrees<unroll, most.header_fields>(form, header)) return false;
+  } else {
+    if (header.given != 0) return false;  // only the other end's frames have such a field
   }
   if (!carries_id(format, form, id) || (!carries_all(format, form) && !carries(form, payload))) return false;
   if constexpr (most.exclusions != 0) {

@@ -83,6 +83,7 @@ def test_frames_with_numbers_addresses_shared_ids_and_queues_are_accounted_for(e
         assert is_good(result)
 
 
+@pytest.mark.live
 @pytest.mark.long
 def test_a_soak_with_no_check_counts_false_frames_and_loses_no_intact_one() -> None:
     """Its frames are known by their place on the line, and not by what they say."""
@@ -150,6 +151,7 @@ def test_times_of_unplugging_are_those_of_the_seed() -> None:
     assert 0 <= drawn[0] < drawn[-1] <= 60
 
 
+@pytest.mark.live
 @pytest.mark.long
 @pytest.mark.parametrize("path", sorted(PROTOCOLS.rglob("*.yaml")), ids=lambda path: str(Path(path).stem))
 def test_every_protocol_file_of_the_project(path: Path) -> None:
