@@ -112,6 +112,25 @@ def test_a_frame_whose_check_would_refuse_all_of_them_is_no_frame(checks: str) -
         loads(f"wirebond: 1\nprotocol: p\n{frame}\nmessages: {{m: {{id: 1, sender: mcu, fields: {{x: u16}}}}}}\n")
 
 
+@pytest.mark.parametrize(
+    "parts",
+    [
+        f"payload: 4, {{check: {{{WORDS}, over: magic..payload}}, name: a}}",  # filled with zeros, and 8 bytes then
+        f"{{check: {{{WORDS}, over: magic..number}}, name: a}}, payload: by_id",
+    ],
+)
+def test_the_payload_counts_as_it_is_sent_and_only_where_it_is_covered(parts: str) -> None:
+    frame = "frame: [magic: 0xA5, id: u16, {field: number, type: u8}, " + parts + "]"
+    codec = wirebond.Codec(
+        loads(
+            f"wirebond: 1\nprotocol: p\n{frame}\nmessages: {{m: {{id: 1, sender: mcu, fields: {{x: u16, y: u8}}}}}}\n"
+        )
+    )
+    raw = codec.encode("m", x=0x0102, y=3)
+    [message] = codec.decoder("mcu").feed(raw)
+    assert dict(message.fields) == {"x": 0x0102, "y": 3}
+
+
 @pytest.mark.parametrize("width", range(3, 8))
 @pytest.mark.parametrize("steps", ["", ", negate: true", ", plus: 5", ", negate: true, plus: 2, mask: 3, xorout: 1"])
 def test_a_crc_of_fewer_than_eight_bits_has_no_more_of_them_behind_its_last_steps(width: int, steps: str) -> None:

@@ -39,23 +39,26 @@ def test_a_recording_is_marked_noted_and_downloaded_as_mcap_and_csv(rover: Desk,
     came = rover.link.stats.receive.messages.get("odometry", 0)
     wait_until(lambda: rover.link.stats.receive.messages.get("odometry", 0) > came + 5, "something to record")
     page.get_by_role("button", name="Stop recording").click()
-    page.get_by_role("button", name="Add a note").click()
+    assert rover.server.recordings.folder is not None
+    newest = max(rover.server.recordings.folder.glob("diffdrive-*.mcap")).name  # other tests have recorded as well
+    row = page.get_by_role("row").filter(has_text=newest)
+    row.get_by_role("button", name="Add a note").click()
     page.get_by_role("textbox", name="Notes").fill("on the wet floor")
     page.keyboard.press("Enter")
-    expect(page.locator("td.notes")).to_contain_text("on the wet floor")
+    expect(row.locator("td.notes")).to_contain_text("on the wet floor")
     with page.expect_download() as download:
-        page.get_by_role("button", name="MCAP", exact=True).click()
+        row.get_by_role("button", name="MCAP", exact=True).click()
     file = tmp_path / "run.mcap"
     download.value.save_as(file)
     marks = [event for event in wirebond.Recording(file).events if event.kind == "mark"]
     assert [mark.facts["text"] for mark in marks] == ["wheel slips"]
     with page.expect_download() as download:
-        page.get_by_role("combobox", name="CSV").select_option("odometry")
+        row.get_by_role("combobox", name="CSV").select_option("odometry")
     table = tmp_path / "run.csv"
     download.value.save_as(table)
     rows = table.read_text().splitlines()
     assert rows[0] == "t,left_ticks,right_ticks" and len(rows) > 5
-    page.get_by_role("button", name="Open", exact=True).click()
+    row.get_by_role("button", name="Open", exact=True).click()
     page.get_by_role("button", name="wheel slips").click()
     slider = page.get_by_role("slider", name="Position in the recording")
     assert abs(float(slider.input_value()) - marks[0].t) < 0.01

@@ -29,7 +29,9 @@ def check_holds(
         return _run_holds(everything, sizes, index, data, message)
     covered = b"".join(data[sum(sizes[:first]) : sum(sizes[: last + 1])] for first, last in part.ranges)
     if part.is_plain and any(not everything[i].is_plain for i in part.covered):
-        covered = b"".join(wire[sum(sizes[:first]) : len(wire) - sum(sizes[last + 1 :])] for first, last in part.ranges)
+        behind = max(i for i, other in enumerate(everything) if not other.is_plain) + 1  # the stuffed parts
+        places = [sum(sizes[:i]) if i < behind else len(wire) - sum(sizes[i:]) for i in range(len(everything) + 1)]
+        covered = b"".join(wire[places[first] : places[last + 1]] for first, last in part.ranges)
     if part.seeded:
         covered += bytes([message.seed or 0 if message is not None else 0])
     at = sum(sizes[:index])

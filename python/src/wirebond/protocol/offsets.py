@@ -188,15 +188,19 @@ def _refused_sizes(parts: tuple[Part, ...], payload_index: int, checks: list[Par
 
     A rest as great as the divisor lets none pass.
     """
+    payload = parts[payload_index]
+    varies = payload.payload != PayloadRule.FIXED or payload.trims_zeros
     found = [(1, 0)]
     for check in checks:
         if check.algorithm is None or check.algorithm.odd != OddTail.REFUSE:
             continue
         unit = check.algorithm.unit
-        beside = sum(parts[index].size for index in check.covered)
-        missing = -(beside + check.seeded) % unit
-        covers_payload = payload_index in check.covered
-        found.append((unit, missing if covers_payload or missing == 0 else unit))
+        has_payload = payload_index in check.covered
+        beside = sum(parts[index].size for index in check.covered) + check.seeded
+        if has_payload and varies:
+            found.append((unit, -beside % unit))
+        elif (beside + payload.fixed_payload * has_payload) % unit:
+            found.append((unit, unit))
     most, most_rest = max(found)
     agree = all(rest == most_rest % unit for unit, rest in found)
     return most, most_rest if agree else most

@@ -123,7 +123,7 @@ def validate_forms(parts: list[Part], place: Place, wrong: Wrong) -> None:
 
 def validate_told_apart(parts: tuple[Part, ...], place: Place, wrong: Wrong) -> None:
     """A receiver can tell the forms of each end apart, with few comparisons."""
-    for end in (End.HOST, End.MCU):
+    for end in (End.HOST, End.MCU, None):  # None: a receiver that hears both
         forms = planning.forms(parts, end)
         tested = sum(len(form.exclusions) for form in forms)
         if tested > plan.MAX_EXCLUSIONS:
@@ -133,7 +133,7 @@ def validate_told_apart(parts: tuple[Part, ...], place: Place, wrong: Wrong) -> 
                 f"{plan.MAX_EXCLUSIONS} are possible: write fewer values, or ranges",
             )
             return
-        pair = alike(parts, end)
+        pair = None if end is None else alike(parts, end)
         if pair is not None:
             one, other = (choices_text(tuple(held.choice for held in form.choices)) for form in pair)
             wrong(
