@@ -67,16 +67,17 @@ def test_a_frame_with_a_silence_inside_is_refused_at_any_speed(tmp_path: Path) -
 
 
 def test_deadlines_strike_by_the_recordings_clock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    is_tapped, open_port = threading.Event(), ReplayOpener.open
-
-    def open_then(opener: ReplayOpener) -> ReplayPort:  # else the replay may have ended before the tap is there
-        is_tapped.wait(PATIENCE)
-        return open_port(opener)
-
-    monkeypatch.setattr(ReplayOpener, "open", open_then)
     velocity = DIFFDRIVE.encode("velocity", linear=0.5)
     pieces = [Chunk(t, t, "sent", velocity) for t in (10.1, 11.9, 12.0)]
     path = made(tmp_path / "run.mcap", DIFFDRIVE, pieces)
+    is_tapped, open_port = threading.Event(), ReplayOpener.open
+
+    def open_then(opener: ReplayOpener) -> ReplayPort:  # else the replay may have ended before the tap is there
+        if not is_tapped.is_set():
+            raise PortError("the tap is not there yet; wait for it", None, str(path))
+        return open_port(opener)
+
+    monkeypatch.setattr(ReplayOpener, "open", open_then)
     with wirebond.open(DIFFDRIVE, f"replay:{path}?speed=40", role="mcu", wait_for_port=True) as link:
         tap = link.tap()
         is_tapped.set()
