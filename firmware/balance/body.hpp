@@ -15,9 +15,11 @@ class Body {
   float position_m() const { return position_m_; }
 
   void push(float rad_s) { pitch_rate_rad_s_ += rad_s; }
+  /// On its feet, and standing still.
   void put_up() {
     pitch_rad_ = put_up_rad;
     pitch_rate_rad_s_ = 0.0F;
+    speed_m_s_ = 0.0F;
   }
 
   void step(float seconds) {

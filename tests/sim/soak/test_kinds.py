@@ -53,6 +53,7 @@ services:
 """
 
 SECONDS = 1 / 60  # in minutes
+FILES = sorted([*PROTOCOLS.glob("*.yaml"), *PROTOCOLS.glob("contrib/*.yaml")])
 
 
 @pytest.fixture(scope="module")
@@ -153,7 +154,7 @@ def test_times_of_unplugging_are_those_of_the_seed() -> None:
 
 @pytest.mark.live
 @pytest.mark.long
-@pytest.mark.parametrize("path", sorted(PROTOCOLS.rglob("*.yaml")), ids=lambda path: str(Path(path).stem))
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_every_protocol_file_of_the_project(path: Path) -> None:
     one = wirebond.load(path)
     try:
