@@ -79,11 +79,7 @@ def _struct_values(fields: tuple[Field, ...], source: random.Random) -> dict[str
     counting = dict.fromkeys(f.counted_by for f in fields if f.counted_by)  # in the order of the fields
     least = {c: min(f.max_count or f.max_size for f in fields if f.counted_by == c) for c in counting}
     sizes = {name: source.randint(0, most) for name, most in least.items()}
-    return {
-        f.name: _field_value(f, source, sizes.get(f.counted_by))
-        for f in fields
-        if f.kind != FieldKind.PADDING and not f.is_count
-    }
+    return {f.name: _field_value(f, source, sizes.get(f.counted_by)) for f in fields if f.has_value and not f.is_count}
 
 
 def _field_value(described: Field, source: random.Random, size: int | None) -> Any:
@@ -103,12 +99,12 @@ def _field_value(described: Field, source: random.Random, size: int | None) -> A
 
 def _limits(described: Field) -> tuple[int, int]:
     """Least and greatest number on the wire, worked out here: a wrong limit of the product is not repeated."""
-    if described.kind == FieldKind.BCD:
+    if described.coding.name == "bcd":
         return 0, 10 ** (described.width // 4) - 1
-    if described.kind == FieldKind.UNSIGNED:
+    if described.is_unsigned:
         return 0, 2**described.width - 1
     half = 2 ** (described.width - 1)
-    return -half + described.sign_magnitude, half - 1
+    return -half + (described.coding.name == "sign_magnitude"), half - 1
 
 
 def _element(described: Field, source: random.Random) -> Any:
@@ -120,7 +116,7 @@ def _element(described: Field, source: random.Random) -> Any:
         return source.choice(described.enum)[0]
     if described.flags:
         return [name for name, _ in described.flags if source.random() < 0.5]
-    if described.kind == FieldKind.FLOAT:
+    if described.is_float:
         low, high = described.minimum, described.maximum
         drawn = source.uniform(-1000 if low is None else low, 1000 if high is None else high)
         return source.choice((-0.0, 0.0)) if source.random() < 0.1 else drawn
@@ -218,7 +214,7 @@ def random_header(model: Protocol, form: Form, source: random.Random, message: M
         for _ in range(50 if choices else source.randrange(2)):
             value = _header_value(fields[entry.place], source)
             bits = header_bits(field, value)
-            if field.kind == FieldKind.UNSIGNED and not all(choice.holds(bits) for choice in choices):
+            if field.is_unsigned and not all(choice.holds(bits) for choice in choices):
                 fitting = some_value(choices, field.width, bits)
                 assert fitting is not None, "every form can be"
                 value = bits = fitting

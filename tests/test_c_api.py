@@ -148,7 +148,7 @@ def test_names_that_are_hard_on_c_do_not_meet(tmp_path: Path) -> None:
 def leaves(fields: tuple[Field, ...], values: dict[str, Any], to: str) -> Iterator[tuple[str, str]]:
     """Every plain value below ``values``: where it lies in the C struct ``to``, and its literal."""
     for field in fields:
-        if field.kind == FieldKind.PADDING or field.is_count or field.constant is not None:
+        if not field.has_value or field.is_count or field.constant is not None:
             continue
         value, place = values[field.name], f"{to}{member_name(identifier(field.name))}"
         if field.is_string:
@@ -178,7 +178,7 @@ def _leaf(field: Field, value: Any, place: str) -> Iterator[tuple[str, str]]:
         yield place, integer(dict(field.enum)[value] if isinstance(value, str) else value)
     elif field.flags and isinstance(value, list):
         yield place, f"{sum(1 << dict(field.flags)[name] for name in value)}U"
-    elif field.kind == FieldKind.FLOAT or field.is_scaled:
+    elif field.is_float or field.is_scaled:
         yield place, real(value, real_type(field))
     else:
         yield place, integer(value)
@@ -226,7 +226,7 @@ def program(codec: wirebond.Codec) -> str:
     for i, case in enumerate(all_cases):
         message, sender, values, frame = case.message, case.sender, case.values, case.frame
         fields = codec.model.message(message).fields
-        has_struct = any(field.kind != FieldKind.PADDING for field in fields)
+        has_struct = any(field.has_value for field in fields)
         struct, encode = f"{name}_{message}_t", f"{name}_encode_{message}"
         receiver = f"{name}_from_{sender}"
         parameter = f", const {struct}* got" if has_struct else ""
@@ -329,7 +329,7 @@ def test_a_request_tells_which_reply_is_meant(tmp_path: Path) -> None:
     for i, request in enumerate(replies):
         reply = model.message(str(request.reply))
         index = f"{codec.name.upper()}_{request.name.upper()}_INDEX"
-        has_struct = any(field.kind != FieldKind.PADDING for field in reply.fields)
+        has_struct = any(field.has_value for field in reply.fields)
         parameter = f", const {codec.name}_{reply.name}_t* message" if has_struct else ""
         use = "(void)message; " if has_struct else ""
         lines.append(f"static void got_{i}(void* context{parameter}) {{ {use}count(context); }}")

@@ -44,8 +44,8 @@ def drawn(field: HeaderField, source: random.Random) -> Any:
         return source.choice([name for name, _ in spec.enum])
     if spec.flags and source.random() < 0.5:
         return sum(1 << bit for _, bit in spec.flags if source.random() < 0.5)
-    signed = spec.kind == "signed"
-    low = (spec.sign_magnitude - (1 << (spec.width - 1))) if signed else 0
+    signed = spec.coding.is_signed
+    low = ((spec.coding.name == "sign_magnitude") - (1 << (spec.width - 1))) if signed else 0
     high = (1 << (spec.width - signed)) - 1
     wire = source.choice([low, high, 0, 1, source.randint(low, high)])
     value: Fraction | float | int = wire * spec.scale + spec.offset

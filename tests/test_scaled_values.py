@@ -17,7 +17,7 @@ from tests.conformance.formats import Answer, Chunk, Job, build_formats, decode_
 from wirebond import Codec, Message
 from wirebond.analysis.explain.values import faults_of, read_fields, values_of
 from wirebond.protocol import loads
-from wirebond.protocol.model import BitOrder, End, Field, FieldKind
+from wirebond.protocol.model import BitOrder, End, Field
 
 FIELDS = (
     "{type: u24, scale: 0.000298023, unit: V}",
@@ -136,10 +136,10 @@ def wire_numbers(field: Field, payload: bytes) -> list[int]:
     else:
         whole = int.from_bytes(payload, "little")
         raws = [whole >> (width * i) & (2**width - 1) for i in range(count)]
-    if field.kind == FieldKind.UNSIGNED:
+    if field.is_unsigned:
         return raws
     top = 1 << (width - 1)
-    if field.sign_magnitude:
+    if field.coding.name == "sign_magnitude":
         return [-(raw - top) if raw & top else raw for raw in raws]
     return [raw - 2 * top if raw & top else raw for raw in raws]
 

@@ -77,8 +77,8 @@ class Element:
 _CODES = {
     (FieldKind.FLOAT, 4): "f",
     (FieldKind.BOOL, 1): "?",
-    (FieldKind.UNSIGNED, 1): "B",
-    (FieldKind.UNSIGNED, 2): "H",
+    (FieldKind.INTEGER, 1): "B",
+    (FieldKind.INTEGER, 2): "H",
 }
 
 

@@ -165,11 +165,9 @@ bool CdrPacker::put(const Value& value, std::uint64_t raw, std::uint8_t* to) {
   if (value.flag >= 0) raw = (raw >> value.flag) & 1u;
   const bool is_bool = value.flag >= 0 || field.kind == FieldKind::boolean;
   if (is_bool) raw = raw != 0 ? 1 : 0;
-  const bool is_signed = field.kind == FieldKind::signed_integer;
-  const std::int64_t number = is_signed ? signed_of(field, raw) : 0;
-  if (!is_signed) raw = unsigned_of(field, raw);
+  const bool is_float = field.kind == FieldKind::floating;
+  const std::uint64_t wire = is_bool || is_float ? raw : whole_of(field, raw);
   if (value.is_chosen) {
-    const std::uint64_t wire = is_signed ? static_cast<std::uint64_t>(number) : raw;
     for (const auto& [one, bytes] : value.chosen) {
       if (one != wire) continue;
       std::memcpy(to, bytes.data(), bytes.size());
@@ -178,11 +176,10 @@ bool CdrPacker::put(const Value& value, std::uint64_t raw, std::uint8_t* to) {
     return false;
   }
   if (is_bool) return store(to, static_cast<std::uint8_t>(raw));
-  const bool is_float = field.kind == FieldKind::floating;
   if (!is_float && !field.scaled && !value.is_linear) {
-    return is_signed ? store_as(to, value.code, number) : store_as(to, value.code, raw);
+    return field.is_signed ? store_as(to, value.code, static_cast<std::int64_t>(wire)) : store_as(to, value.code, wire);
   }
-  double si = is_float ? float_of(field, raw) : is_signed ? static_cast<double>(number) : static_cast<double>(raw);
+  double si = is_float ? float_of(field, raw) : whole_as_double(field, wire);
   if (field.scaled) si = to_si(field, si);
   if (value.is_linear) {
     const double scaled = si * value.scale;

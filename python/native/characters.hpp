@@ -24,9 +24,8 @@ inline std::optional<std::uint64_t> raw_of_characters(const FieldTable& field, c
                                                       std::size_t size) {
   wirebond::detail::Magnitude<std::uint64_t> found;
   if (!wirebond::detail::read_magnitude(*field.digits, at, size, found)) return std::nullopt;
-  const bool is_signed = field.kind == FieldKind::signed_integer;
-  if (found.negative && !is_signed) return std::nullopt;
-  const std::uint64_t most = low_bits(field.width) >> (is_signed ? 1 : 0);
+  if (found.negative && !field.is_signed) return std::nullopt;
+  const std::uint64_t most = low_bits(field.width) >> (field.is_signed ? 1 : 0);
   if (found.amount > most + (found.negative ? 1 : 0)) return std::nullopt;
   return (found.negative ? 0 - found.amount : found.amount) & low_bits(field.width);
 }
@@ -43,7 +42,7 @@ inline Spelled read_characters(const FieldTable& field, std::size_t place, Walk&
 
 /// Return the number, without its sign, whose bits these are.
 inline wirebond::detail::Magnitude<std::uint64_t> magnitude_of_raw(const FieldTable& field, std::uint64_t raw) {
-  if (field.kind != FieldKind::signed_integer) return {raw, false};
+  if (!field.is_signed) return {raw, false};
   return wirebond::detail::magnitude_of(from_twos_complement(raw, field.width));
 }
 

@@ -85,9 +85,8 @@ void skip_columns(const std::vector<FieldTable>& fields, std::vector<Column>& co
 
 /// Return the value of an integer or a float.
 double value_of(const FieldTable& field, std::uint64_t raw) {
-  const double wire = field.kind == FieldKind::floating         ? float_of(field, raw)
-                      : field.kind == FieldKind::signed_integer ? static_cast<double>(signed_of(field, raw))
-                                                                : static_cast<double>(unsigned_of(field, raw));
+  const double wire =
+      field.kind == FieldKind::floating ? float_of(field, raw) : whole_as_double(field, whole_of(field, raw));
   return field.scaled ? to_si(field, wire) : wire;
 }
 
@@ -120,6 +119,21 @@ void read_row(const std::vector<FieldTable>& fields, std::size_t place, Walk& wa
     const std::uint64_t promised = field.is_variable ? counts.promised(field) : 0;
     nb::borrow<nb::list>(column.objects).append(decode_field(field, here, promised, walk));
   }
+}
+
+/// Call `each` with a zero of the smallest integer type that holds the field's numbers.
+template <class Each>
+nb::object with_integer_type(const FieldTable& field, Each each) {
+  if (field.is_signed) {
+    if (field.width <= 8) return each(std::int8_t{0});
+    if (field.width <= 16) return each(std::int16_t{0});
+    if (field.width <= 32) return each(std::int32_t{0});
+    return each(std::int64_t{0});
+  }
+  if (field.width <= 8) return each(std::uint8_t{0});
+  if (field.width <= 16) return each(std::uint16_t{0});
+  if (field.width <= 32) return each(std::uint32_t{0});
+  return each(std::uint64_t{0});
 }
 
 /// Make a numpy array over `values`, which `owner` keeps alive: one element per row, or `field->count` of them.
@@ -175,7 +189,7 @@ bool stands_as(const FieldTable& field) {
 #if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
   return field.kind != FieldKind::boolean && field.repeat != Repeat::packed && field.size == sizeof(T) &&
          field.width == 8 * sizeof(T) && (field.order == ByteOrder::little || sizeof(T) == 1) && !field.scaled &&
-         field.pieces.empty() && !field.sign_magnitude && field.kind != FieldKind::bcd;
+         field.pieces.empty() && field.coding == Coding::binary;
 #else
   static_cast<void>(field);
   return false;
@@ -234,8 +248,7 @@ nb::object number_column(Column& column, const Rows& rows, std::size_t stride) {
   if (column.field->digits) return make_array(std::move(column.numbers));
   if (column.may_lack) return lacking_column(column);
   const FieldTable& field = *column.field;
-  const auto raw = [&](std::uint64_t bits) { return unsigned_of(field, bits); };
-  const auto two = [&](std::uint64_t bits) { return signed_of(field, bits); };
+  const auto whole = [&](std::uint64_t bits) { return whole_of(field, bits); };
   const auto real = [&](std::uint64_t bits) { return float_of(field, bits); };
   const auto scale = [&](double wire) { return to_si(field, wire); };
   switch (field.kind) {
@@ -248,25 +261,13 @@ nb::object number_column(Column& column, const Rows& rows, std::size_t stride) {
       }
       if (field.size == 4) return column_of<float>(column, rows, stride, real);
       return column_of<double>(column, rows, stride, real);
-    case FieldKind::unsigned_integer:
-    case FieldKind::bcd:
-      if (field.scaled) {
-        return column_of<double>(column, rows, stride,
-                                 [&](std::uint64_t bits) { return scale(static_cast<double>(raw(bits))); });
-      }
-      if (field.width <= 8) return column_of<std::uint8_t>(column, rows, stride, raw);
-      if (field.width <= 16) return column_of<std::uint16_t>(column, rows, stride, raw);
-      if (field.width <= 32) return column_of<std::uint32_t>(column, rows, stride, raw);
-      return column_of<std::uint64_t>(column, rows, stride, raw);
     default:
       if (field.scaled) {
         return column_of<double>(column, rows, stride,
-                                 [&](std::uint64_t bits) { return scale(static_cast<double>(two(bits))); });
+                                 [&](std::uint64_t bits) { return scale(whole_as_double(field, whole(bits))); });
       }
-      if (field.width <= 8) return column_of<std::int8_t>(column, rows, stride, two);
-      if (field.width <= 16) return column_of<std::int16_t>(column, rows, stride, two);
-      if (field.width <= 32) return column_of<std::int32_t>(column, rows, stride, two);
-      return column_of<std::int64_t>(column, rows, stride, two);
+      return with_integer_type(field,
+                               [&](auto zero) { return column_of<decltype(zero)>(column, rows, stride, whole); });
   }
 }
 
@@ -311,24 +312,13 @@ nb::object header_column_of(const Rows& rows, std::size_t place, std::size_t fie
 
 /// Make a column of one header field of all frames, with the type that a message's field has in its column.
 nb::object header_column(const FieldTable& field, const Rows& rows, std::size_t place, std::size_t fields) {
-  const auto raw = [](std::uint64_t bits) { return bits; };
-  const auto two = [&](std::uint64_t bits) { return signed_of(field, bits); };
-  const bool is_signed = field.kind == FieldKind::signed_integer;
+  const auto whole = [&](std::uint64_t bits) { return whole_of(field, bits); };
   if (field.scaled) {
-    return header_column_of<double>(rows, place, fields, [&](std::uint64_t bits) {
-      return to_si(field, is_signed ? static_cast<double>(two(bits)) : static_cast<double>(bits));
-    });
+    return header_column_of<double>(
+        rows, place, fields, [&](std::uint64_t bits) { return to_si(field, whole_as_double(field, whole(bits))); });
   }
-  if (is_signed) {
-    if (field.width <= 8) return header_column_of<std::int8_t>(rows, place, fields, two);
-    if (field.width <= 16) return header_column_of<std::int16_t>(rows, place, fields, two);
-    if (field.width <= 32) return header_column_of<std::int32_t>(rows, place, fields, two);
-    return header_column_of<std::int64_t>(rows, place, fields, two);
-  }
-  if (field.width <= 8) return header_column_of<std::uint8_t>(rows, place, fields, raw);
-  if (field.width <= 16) return header_column_of<std::uint16_t>(rows, place, fields, raw);
-  if (field.width <= 32) return header_column_of<std::uint32_t>(rows, place, fields, raw);
-  return header_column_of<std::uint64_t>(rows, place, fields, raw);
+  return with_integer_type(field,
+                           [&](auto zero) { return header_column_of<decltype(zero)>(rows, place, fields, whole); });
 }
 
 /// Add `header.servo` after the message's own columns. A column of the message with this name stays.

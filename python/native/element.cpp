@@ -28,6 +28,11 @@ std::string hex_text(std::uint64_t value) {
   return text;
 }
 
+/// `whole`: as `whole_of` returns it.
+std::string whole_text(const FieldTable& field, std::uint64_t whole) {
+  return field.is_signed ? std::to_string(static_cast<std::int64_t>(whole)) : std::to_string(whole);
+}
+
 std::string with_unit(const std::string& text, const FieldTable& field) {
   return field.unit.empty() ? text : text + " " + field.unit;
 }
@@ -95,27 +100,11 @@ double number_from(const FieldTable& field, nb::handle value, const Path& path) 
   return number;
 }
 
-/// Minimum and maximum of an integer field on the wire; the minimum as a signed number.
-struct Limits {
-  std::int64_t low;
-  std::uint64_t high;
-};
-
-Limits limits_of(const FieldTable& field) {
-  if (field.digits) return {field.least, field.greatest};
-  if (field.kind == FieldKind::bcd) return {0, bcd_end(field.width) - 1};
-  if (field.kind != FieldKind::signed_integer) return {0, low_bits(field.width)};
-  const std::uint64_t high = low_bits(field.width) >> 1;
-  const auto most = static_cast<std::int64_t>(high);
-  return {field.sign_magnitude ? -most : -most - 1, high};
-}
-
 [[noreturn]] void does_not_fit(const FieldTable& field, nb::handle value, const Path& path) {
-  const Limits limits = limits_of(field);
-  std::string text = std::to_string(limits.low) + " ... " + std::to_string(limits.high);
+  std::string text = std::to_string(field.least) + " ... " + std::to_string(field.greatest);
   if (field.scaled) {
-    double from = to_si(field, static_cast<double>(limits.low));
-    double to = to_si(field, static_cast<double>(limits.high));
+    double from = to_si(field, static_cast<double>(field.least));
+    double to = to_si(field, static_cast<double>(field.greatest));
     if (from > to) std::swap(from, to);
     text = with_unit(number_text(from) + " ... " + number_text(to), field);
   }
@@ -125,12 +114,11 @@ Limits limits_of(const FieldTable& field) {
 
 /// Return a Python integer as two's complement in 64 bits, after checking it against the field's bits.
 std::uint64_t integer_bits(const FieldTable& field, nb::handle value, const Path& path) {
-  const Limits limits = limits_of(field);
-  if (field.kind == FieldKind::signed_integer) {
+  if (field.is_signed) {
     const long long number = PyLong_AsLongLong(value.ptr());
     const bool failed = number == -1 && PyErr_Occurred() != nullptr;
     if (failed) PyErr_Clear();
-    if (failed || number < limits.low || number > static_cast<long long>(limits.high)) {
+    if (failed || number < field.least || number > static_cast<long long>(field.greatest)) {
       does_not_fit(field, value, path);
     }
     return static_cast<std::uint64_t>(number);
@@ -138,7 +126,7 @@ std::uint64_t integer_bits(const FieldTable& field, nb::handle value, const Path
   const unsigned long long number = PyLong_AsUnsignedLongLong(value.ptr());
   const bool failed = PyErr_Occurred() != nullptr;
   if (failed) PyErr_Clear();
-  if (failed || number > limits.high) does_not_fit(field, value, path);
+  if (failed || number > field.greatest) does_not_fit(field, value, path);
   return number;
 }
 
@@ -163,23 +151,16 @@ bool in_wire_range(const FieldTable& field, double wire) {
 std::uint64_t scaled_bits(const FieldTable& field, nb::handle value, const Path& path) {
   const double si = number_from(field, value, path);
   const double wire = to_wire(field, si);
-  const Limits limits = limits_of(field);
   // As doubles both 2^64 - 1 and 2^63 - 1 round up to a number that does not fit.
-  const double beyond = field.kind == FieldKind::bcd ? static_cast<double>(bcd_end(field.width))
-                        : field.digits
-                            ? static_cast<double>(field.greatest) + 1
-                            : std::ldexp(1.0, field.width - (field.kind == FieldKind::signed_integer ? 1 : 0));
-  if (!(wire >= static_cast<double>(limits.low) && wire < beyond)) does_not_fit(field, value, path);
-  return field.kind == FieldKind::signed_integer ? static_cast<std::uint64_t>(static_cast<std::int64_t>(wire))
-                                                 : static_cast<std::uint64_t>(wire);
+  const double beyond = static_cast<double>(field.greatest) + 1;
+  if (!(wire >= static_cast<double>(field.least) && wire < beyond)) does_not_fit(field, value, path);
+  return field.is_signed ? static_cast<std::uint64_t>(static_cast<std::int64_t>(wire))
+                         : static_cast<std::uint64_t>(wire);
 }
 
 /// Return the field's bits for a number that fits.
-std::uint64_t raw_of(const FieldTable& field, std::uint64_t bits) {
-  if (field.kind == FieldKind::bcd) return to_bcd(bits);
-  const auto number = static_cast<std::int64_t>(bits);
-  if (!field.sign_magnitude || number >= 0) return bits & low_bits(field.width);
-  return (std::uint64_t{1} << (field.width - 1)) | (0 - bits);
+std::uint64_t raw_of(const FieldTable& field, std::uint64_t number) {
+  return bits_of_number(number, field.width, field.coding);
 }
 
 std::string names_of(const std::vector<std::pair<nb::object, std::uint64_t>>& enumerators) {
@@ -272,19 +253,13 @@ nb::object decode_element(const FieldTable& field, std::uint64_t raw) {
       const double wire = float_of(field, raw);
       return steal(PyFloat_FromDouble(field.scaled ? to_si(field, wire) : wire));
     }
-    case FieldKind::bcd:
-    case FieldKind::unsigned_integer: {
-      raw = unsigned_of(field, raw);
-      if (field.has_flags) return flag_names(field, raw);
-      if (nb::object name = enumerator(field, raw); name.is_valid()) return name;
-      if (field.scaled) return steal(PyFloat_FromDouble(to_si(field, static_cast<double>(raw))));
-      return steal(PyLong_FromUnsignedLongLong(raw));
-    }
-    case FieldKind::signed_integer: {
-      const std::int64_t wire = signed_of(field, raw);
-      if (nb::object name = enumerator(field, static_cast<std::uint64_t>(wire)); name.is_valid()) return name;
-      if (field.scaled) return steal(PyFloat_FromDouble(to_si(field, static_cast<double>(wire))));
-      return steal(PyLong_FromLongLong(wire));
+    case FieldKind::integer: {
+      const std::uint64_t wire = whole_of(field, raw);
+      if (field.has_flags) return flag_names(field, wire);
+      if (nb::object name = enumerator(field, wire); name.is_valid()) return name;
+      if (field.scaled) return steal(PyFloat_FromDouble(to_si(field, whole_as_double(field, wire))));
+      return steal(field.is_signed ? PyLong_FromLongLong(static_cast<std::int64_t>(wire))
+                                   : PyLong_FromUnsignedLongLong(wire));
     }
     default: throw std::logic_error("no number");
   }
@@ -305,26 +280,18 @@ std::string fault_of(const FieldTable& field, std::uint64_t raw) {
       }
       break;
     }
-    case FieldKind::signed_integer: {
-      const std::int64_t wire = signed_of(field, raw);
-      if (field.has_enum && !enumerator(field, static_cast<std::uint64_t>(wire)).is_valid())
-        return " is " + std::to_string(wire) + ", which is no enumerator";
-      wire_number = static_cast<double>(wire);
-      si = to_si(field, wire_number);
-      break;
-    }
     default: {
-      if (field.kind == FieldKind::bcd && unsigned_of(field, raw) == bcd_end(field.width)) {
+      const std::uint64_t wire = whole_of(field, raw);
+      if (field.coding == Coding::bcd && wire == bcd_end(field.width)) {
         return " has the digits " + hex_text(raw) + ", and others than 0 to 9 are no number";
       }
-      raw = unsigned_of(field, raw);
-      if (field.has_enum && !enumerator(field, raw).is_valid()) {
-        return " is " + std::to_string(raw) + ", which is no enumerator";
+      if (field.has_enum && !enumerator(field, wire).is_valid()) {
+        return " is " + whole_text(field, wire) + ", which is no enumerator";
       }
-      std::uint64_t rest = field.has_flags ? raw : 0;
+      std::uint64_t rest = field.has_flags ? wire : 0;
       for (const auto& flag : field.flags) rest &= ~(std::uint64_t{1} << flag.second);
       if (rest != 0) return " has unnamed bits set: " + std::to_string(rest);
-      wire_number = static_cast<double>(raw);
+      wire_number = whole_as_double(field, wire);
       si = to_si(field, wire_number);
     }
   }
@@ -359,9 +326,7 @@ std::uint64_t encode_element(const FieldTable& field, nb::handle value, const Pa
       }
       return bits;
     }
-    case FieldKind::unsigned_integer:
-    case FieldKind::bcd:
-    case FieldKind::signed_integer: {
+    case FieldKind::integer: {
       if (field.has_flags) return flag_bits(field, value, path);
       if (field.has_enum) return raw_of(field, enum_bits(field, value, path));
       if (field.scaled) return raw_of(field, scaled_bits(field, value, path));

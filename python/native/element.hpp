@@ -69,14 +69,15 @@ inline void store_raw(const FieldTable& field, std::uint8_t* at, std::size_t ind
   store_bytes(to, load_bytes(to, field.size, field.order) | bits, field.size, field.order);
 }
 
-/// Return the integer of a signed field.
-inline std::int64_t signed_of(const FieldTable& field, std::uint64_t raw) {
-  return field.sign_magnitude ? from_sign_magnitude(raw, field.width) : from_twos_complement(raw, field.width);
+/// Return the number of an integer field, in two's complement of 64 bits. Of decimal digits that are none: see
+/// `from_bcd`.
+inline std::uint64_t whole_of(const FieldTable& field, std::uint64_t raw) {
+  return number_of_bits(raw, field.width, field.coding, field.is_signed);
 }
 
-/// Return the integer of an unsigned field. Of decimal digits that are none: see `from_bcd`.
-inline std::uint64_t unsigned_of(const FieldTable& field, std::uint64_t raw) {
-  return field.kind == FieldKind::bcd ? from_bcd(raw, field.width) : raw;
+/// Convert such a number.
+inline double whole_as_double(const FieldTable& field, std::uint64_t whole) {
+  return field.is_signed ? static_cast<double>(static_cast<std::int64_t>(whole)) : static_cast<double>(whole);
 }
 
 /// Convert a number on the wire to its value. Any thread. A float keeps minus zero; an integer's zero has no sign.

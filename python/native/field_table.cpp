@@ -21,15 +21,15 @@ double as_double(nb::handle value) {
 }
 
 constexpr std::pair<const char*, FieldKind> kinds[] = {
-    {"unsigned", FieldKind::unsigned_integer},
-    {"signed", FieldKind::signed_integer},
-    {"bcd", FieldKind::bcd},
-    {"float", FieldKind::floating},
-    {"bool", FieldKind::boolean},
-    {"text", FieldKind::text},
-    {"bytes", FieldKind::bytes},
-    {"struct", FieldKind::structure},
+    {"integer", FieldKind::integer}, {"float", FieldKind::floating}, {"bool", FieldKind::boolean},
+    {"text", FieldKind::text},       {"bytes", FieldKind::bytes},    {"struct", FieldKind::structure},
     {"bits", FieldKind::structure},
+};
+
+constexpr std::pair<const char*, Coding> codings[] = {
+    {"binary", Coding::binary},
+    {"sign_magnitude", Coding::sign_magnitude},
+    {"bcd", Coding::bcd},
 };
 
 void read_repeat(FieldTable& table, nb::handle field) {
@@ -99,16 +99,22 @@ FieldTable read_field(nb::handle field, std::size_t at) {
   const nb::object digits = field.attr("digits");
   if (!digits.is_none()) {
     table.digits = Digits{nb::cast<std::uint8_t>(digits.attr("base")), nb::cast<std::uint8_t>(digits.attr("decimals"))};
+  }
+  if (table.kind == FieldKind::integer) {
+    const nb::object coding = field.attr("coding");
+    table.coding = meant_by(codings, coding.attr("cpp"), "coding");
+    table.is_signed = nb::cast<bool>(coding.attr("is_signed"));
+  }
+  read_repeat(table, field);
+  read_meaning(table, field);
+  if (table.kind == FieldKind::integer) {
     const nb::object limits = field.attr("whole_limits");
     table.least = nb::cast<std::int64_t>(nb::object(limits[0]));
     table.greatest = nb::cast<std::uint64_t>(nb::object(limits[1]));
   }
-  read_repeat(table, field);
-  read_meaning(table, field);
   if (table.kind != FieldKind::structure && !table.is_string()) {
     table.size = table.digits ? std::uint8_t{1} : nb::cast<std::uint8_t>(field.attr("size"));
     table.width = nb::cast<std::uint8_t>(field.attr("width"));
-    table.sign_magnitude = nb::cast<bool>(field.attr("sign_magnitude"));
   }
   return table;
 }

@@ -19,16 +19,7 @@ namespace wirebond::engine {
 namespace nb = nanobind;
 
 /// Bit fields are a structure whose fields are loaded from the same bytes. Tables contain no padding.
-enum class FieldKind : std::uint8_t {
-  unsigned_integer,
-  signed_integer,
-  bcd,
-  floating,
-  boolean,
-  text,
-  bytes,
-  structure
-};
+enum class FieldKind : std::uint8_t { integer, floating, boolean, text, bytes, structure };
 
 /// How often a field occurs.
 enum class Repeat : std::uint8_t {
@@ -51,7 +42,7 @@ struct Counter {
 struct FieldTable {
   std::string name;
   nb::object key;  ///< the name, interned
-  FieldKind kind = FieldKind::unsigned_integer;
+  FieldKind kind = FieldKind::integer;
   Repeat repeat = Repeat::once;
 
   // Place.
@@ -72,11 +63,12 @@ struct FieldTable {
   std::uint8_t shift = 0;                                     ///< position of its lowest bit in these bytes
   std::uint8_t width = 8;                                     ///< bits
   std::vector<std::pair<std::uint8_t, std::uint8_t>> pieces;  ///< lowest bit and width of each, if it has several
-  bool sign_magnitude = false;
   BitOrder bit_order = BitOrder::low_first;
-  std::optional<Digits> digits;  ///< it is sent in characters, at a place as that of a string
-  std::int64_t least = 0;        ///< of such a number: what its characters have room for
-  std::uint64_t greatest = 0;
+  Coding coding = Coding::binary;  ///< of an integer
+  bool is_signed = false;          ///< of an integer: its coding has negative numbers
+  std::int64_t least = 0;          ///< of an integer: the least that fits on the wire
+  std::uint64_t greatest = 0;      ///< of an integer: the greatest that fits
+  std::optional<Digits> digits;    ///< it is sent in characters, at a place as that of a string
 
   // Meaning.
   bool scaled = false;

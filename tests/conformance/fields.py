@@ -66,7 +66,7 @@ def difference(codec: Codec, message: Message, handed: Handed) -> str:
 
 def _loses_digits(field: Field | None, value: Any) -> bool:
     """Is it a scaled float so near zero that it has fewer digits than its wire number, or than it will have again?"""
-    if field is None or field.kind != FieldKind.FLOAT or not field.is_scaled or not math.isfinite(value):
+    if field is None or not field.is_float or not field.is_scaled or not math.isfinite(value):
         return False
     least = 2.0 ** (-126 if field.size == 4 else -1022)  # the smallest float with all its digits
     return bool(0 < min(abs(value), abs(value / float(field.scale))) < least)
@@ -81,7 +81,7 @@ Leaf = tuple[str, Field | None, Any]  # path, field (None: a number of elements)
 def _leaves(fields: tuple[Field, ...], values: dict[str, Any], path: str) -> Iterator[Leaf]:
     """The values in the order of the struct's members; numbers of elements stand before what varies."""
     for field in fields:
-        if field.kind == FieldKind.PADDING or field.is_count:
+        if not field.has_value or field.is_count:
             continue
         value, here = values[field.name], f"{path}.{field.name}"
         if field.is_string:
@@ -129,7 +129,7 @@ def _is_same(field: Field | None, value: Any, token: str) -> bool:
         return int(token) == sum(1 << bits[flag] if isinstance(flag, str) else flag for flag in value)
     if field.on_range == OnRange.CLAMP and field.minimum is not None and field.maximum is not None:
         value = min(max(value, field.minimum), field.maximum)
-    if field.kind != FieldKind.FLOAT and not field.is_scaled:
+    if not field.is_float and not field.is_scaled:
         return int(token) == value
     error, step = (FLOAT_ERROR, FLOAT_STEP) if real_type(field) == "float" else (DOUBLE_ERROR, DOUBLE_STEP)
     size = max(abs(value), abs(float(field.offset)))

@@ -62,7 +62,7 @@ def to_wires(fields: tuple[Field, ...], values: dict[str, Any]) -> Wire:
 
 def from_wires(fields: tuple[Field, ...], wire: Wire) -> dict[str, Any]:
     """The inverse of ``to_wires``."""
-    valued = [f for f in fields if f.kind != FieldKind.PADDING and not f.is_count]
+    valued = [f for f in fields if f.has_value and not f.is_count]
     return {described.name: from_wire(described, one) for described, one in zip(valued, wire, strict=True)}
 
 
@@ -80,7 +80,7 @@ def to_wire(described: Field, value: Any) -> Any:
         return dict(described.enum)[value]
     if described.flags:
         return sum(1 << bit for name, bit in described.flags if name in value)
-    if described.kind == FieldKind.FLOAT:
+    if described.is_float:
         return struct.unpack("<f", struct.pack("<f", value))[0] if described.size == 4 else value
     if described.is_scaled:
         return round((Fraction(value) - described.offset) / described.scale)

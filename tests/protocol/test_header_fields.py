@@ -6,7 +6,7 @@ import pytest
 
 from wirebond.errors import ProtocolFileError
 from wirebond.protocol import loads, protocol_hash
-from wirebond.protocol.model import Address, End, FieldKind, HeaderField, Protocol
+from wirebond.protocol.model import TWOS_COMPLEMENT, Address, End, HeaderField, Protocol
 from wirebond.protocol.planning import plan_for
 from wirebond.protocol.spelling import part_text
 
@@ -34,12 +34,12 @@ def test_all_options_of_a_number_reach_the_model() -> None:
     assert list(found) == ["servo", "temperature", "state", "system", "stamp", "kind", "hops", "time"]
     servo, temperature = found["servo"], found["temperature"]
     assert (servo.address, servo.broadcast, servo.default(End.MCU)) == (Address.MCU, (254,), 1)
-    assert (temperature.value.kind, temperature.value.scale.denominator) == (FieldKind.SIGNED, 10)
+    assert (temperature.value.coding.is_signed, temperature.value.scale.denominator) == (True, 10)
     assert (temperature.value.unit, temperature.value.minimum, temperature.value.maximum) == ("K", -40, 200)
     assert found["state"].default(End.HOST) == 2
     assert (found["system"].default(End.HOST), found["system"].default(End.MCU)) == (255, 1)
     assert found["kind"].default(End.HOST) == "ping"
-    assert (found["hops"].value.width, found["hops"].value.kind) == (5, FieldKind.SIGNED)
+    assert (found["hops"].value.width, found["hops"].value.coding) == (5, TWOS_COMPLEMENT)
     assert (found["stamp"].value.width, found["time"].value.width) == (64, 56)
 
 

@@ -22,6 +22,7 @@ from wirebond.protocol import (
     loads,
     protocol_hash,
 )
+from wirebond.protocol.model import SIGN_MAGNITUDE, TWOS_COMPLEMENT
 from wirebond.protocol.planning import plan_for
 
 PROTOCOLS = Path(__file__).parents[2] / "protocols"
@@ -56,7 +57,7 @@ def test_diffdrive_is_what_its_specification_says() -> None:
     assert check.algorithm is not None
     assert (check.algorithm.name, check.ranges, check.size) == ("xor8", ((0, 3),), 1)
     linear = protocol.message("velocity").fields[0]
-    assert (linear.kind, linear.size, linear.scale) == (FieldKind.SIGNED, 2, Fraction(1, 1000))
+    assert (linear.coding, linear.size, linear.scale) == (TWOS_COMPLEMENT, 2, Fraction(1, 1000))
     assert (linear.minimum, linear.maximum, linear.on_range, linear.unit) == (-2.0, 2.0, OnRange.CLAMP, "m/s")
     assert protocol.message("velocity").every == 0.05
     assert protocol.message("status_query").reply == "status"
@@ -294,7 +295,7 @@ def test_fields_within_fields_become_what_they_mean() -> None:
     assert (low.kind, low.size, low.first, [f.width for f in low.fields]) == (
         FieldKind.BITS, 2, BitOrder.LOW, [3, 5, 2, 4, 1],
     )  # fmt: skip
-    assert (high.order, high.first, high.fields[2].sign_magnitude) == (ByteOrder.BIG, BitOrder.HIGH, True)
+    assert (high.order, high.first, high.fields[2].coding) == (ByteOrder.BIG, BitOrder.HIGH, SIGN_MAGNITUDE)
     channels, gap, *_ = protocol.message("streams").fields
     assert (channels.packed, channels.bits, channels.count, channels.min_wire_bytes) == (BitOrder.LOW, 11, 16, 22)
     assert (gap.kind, gap.size) == (FieldKind.PADDING, 2)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from tests.reference.conditions import Header, Sizes, truth
 from tests.reference.order import order_of
 from tests.reference.outcome import Incomplete, Rejected
-from wirebond.protocol.model import BitRole, End, Field, FieldKind, Part, PartKind
+from wirebond.protocol.model import BitRole, End, Field, Part, PartKind
 
 CONSTANTS = (PartKind.CONSTANT, PartKind.TAIL)
 
@@ -83,8 +83,8 @@ def header_values(parts: tuple[Part, ...], data: bytes, payload_size: int) -> di
 def meant_by(field: Field, width: int, bits: int) -> object:
     """A number's bits as the API gives them."""
     value = bits
-    if field.kind == FieldKind.SIGNED and bits >> (width - 1):
-        value = -(bits - 2 ** (width - 1)) if field.sign_magnitude else bits - 2**width
+    if field.coding.is_signed and bits >> (width - 1):
+        value = -(bits - 2 ** (width - 1)) if field.coding.name == "sign_magnitude" else bits - 2**width
     names = {number: name for name, number in field.enum}
     if value in names:
         return names[value]

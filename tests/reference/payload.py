@@ -156,7 +156,7 @@ class _Reader:
     def _read_one(self, field: Field, numbers: dict[str, int]) -> None:
         size = field.min_wire_bytes
         piece = self._take(size)
-        if field.kind == FieldKind.UNSIGNED:
+        if field.is_unsigned:
             numbers[field.name] = int.from_bytes(piece, _order(field))
         if self.is_lost and any(one.constant is not None for one in (field, *field.fields)):
             raise Broken

@@ -377,7 +377,7 @@ def test_commands_that_come_faster_than_the_line_are_sent_or_counted() -> None:
     text = (PROTOCOLS / "enterprize.yaml").read_text(encoding="utf-8")
     codec = wirebond.Codec(loads(text))
     commands = [m for m in codec.model.messages if m.name.endswith("_cmd")]
-    source: dict[str, Any] = {FieldKind.FLOAT: "x", FieldKind.BOOL: True, FieldKind.UNSIGNED: 1}
+    source: dict[str, Any] = {FieldKind.FLOAT: "x", FieldKind.BOOL: True, FieldKind.INTEGER: 1}
     topics = [
         {
             "topic": m.name,

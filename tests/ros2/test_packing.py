@@ -68,7 +68,7 @@ STAMPS_NS = (0, 1, 1_700_000_000_123_456_789, (2**31 - 1) * 10**9 + 999_999_999,
 def wire_paths(fields: Sequence[Field], before: str = "") -> Iterator[str]:
     """Every path of a message that leads to one value, or might."""
     for field in fields:
-        if field.kind == FieldKind.PADDING:
+        if not field.has_value:
             continue
         many = field.count is not None or field.is_list
         for path in [f"{before}{field.name}{f'.{i}' if many else ''}" for i in range(field.count or 1)]:

@@ -137,6 +137,28 @@ constexpr bool to_bits(T value, std::uint64_t& raw) {
   return true;
 }
 
+/// Return the number in the lowest `width` bits of `raw`, in two's complement of 64 bits: `from_bits` for a coding that
+/// only run time knows.
+constexpr std::uint64_t number_of_bits(std::uint64_t raw, unsigned width, Coding coding, bool is_signed) {
+  switch (coding) {
+    case Coding::bcd: return from_bcd(raw, width);
+    case Coding::sign_magnitude: return static_cast<std::uint64_t>(from_sign_magnitude(raw, width));
+    case Coding::binary: break;
+  }
+  return is_signed ? static_cast<std::uint64_t>(from_twos_complement(raw, width)) : raw & low_bits(width);
+}
+
+/// Return the bits of a number that fits; pairs with `number_of_bits`.
+constexpr std::uint64_t bits_of_number(std::uint64_t number, unsigned width, Coding coding) {
+  const bool is_negative = static_cast<std::int64_t>(number) < 0;
+  switch (coding) {
+    case Coding::bcd: return to_bcd(number);
+    case Coding::sign_magnitude: return is_negative ? (std::uint64_t{1} << (width - 1)) | (0 - number) : number;
+    case Coding::binary: break;
+  }
+  return number & low_bits(width);
+}
+
 /// Read number `index` of a packed stream of numbers of `Width` bits that begins at `from`.
 template <class T, unsigned Width, BitOrder Order, Coding Encoding = Coding::binary>
 WIREBOND_INLINE T load_packed(const std::uint8_t* from, std::size_t index) {

@@ -19,7 +19,7 @@ from wirebond.protocol import load as load_model
 from wirebond.protocol import protocol_hash
 from wirebond.protocol.counter_values import McuCounters, mcu_counters
 from wirebond.protocol.log import LogLine, log_line
-from wirebond.protocol.model import End, FieldKind, Protocol
+from wirebond.protocol.model import End, Protocol
 from wirebond.protocol.model import Message as MessageModel
 from wirebond.protocol.planning import plan_for
 from wirebond.protocol.problems import no_message
@@ -481,7 +481,7 @@ def refuse_option_for_field(
     for name, given in options.items():
         if given is None or name in (values or {}):
             continue
-        if any(field.name == name and field.kind != FieldKind.PADDING for field in message.fields):
+        if any(field.name == name and field.has_value for field in message.fields):
             raise UsageError(
                 f"{name} is an option of {function}() and a field of {message.name}; give the field in a mapping: "
                 f"{function}({message.name!r}, {{{name!r}: ...}})"

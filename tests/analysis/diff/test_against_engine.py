@@ -9,7 +9,7 @@ import pytest
 
 from wirebond.analysis.diff import Flow, compare
 from wirebond.codec import Codec
-from wirebond.protocol import End, FieldKind, Message, Protocol, loads
+from wirebond.protocol import End, Message, Protocol, loads
 
 BASE = """
 wirebond: 1
@@ -162,7 +162,7 @@ def _values(message: Message, known: dict[str, Any]) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for field in message.fields:
         name = _NAMES.get(field.name, field.name)
-        if name not in known or field.kind == FieldKind.PADDING:
+        if name not in known or not field.has_value:
             continue
         values[field.name] = known[name]
         if name == "mode" and "slow" not in dict(field.enum):

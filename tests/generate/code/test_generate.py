@@ -14,7 +14,7 @@ from wirebond.generate.code.cpp_number import Scaling, integer, nearest_float, r
 from wirebond.generate.code.names import Scope
 from wirebond.paths import core_include
 from wirebond.protocol.hash import protocol_hash
-from wirebond.protocol.model import Field, FieldKind, Protocol
+from wirebond.protocol.model import TWOS_COMPLEMENT, Field, FieldKind, Protocol
 
 
 def diffdrive(protocols: list[Protocol]) -> Protocol:
@@ -114,7 +114,7 @@ def test_integer_literal_has_its_width(value: int, literal: str) -> None:
 def test_scaling_is_exact_in_integers_where_these_are_small(
     scale: str, offset: str, size: int, from_wire: str, to_wire: str
 ) -> None:
-    spec = Field("x", FieldKind.SIGNED, size, scale=Fraction(scale), offset=Fraction(offset))
+    spec = Field("x", FieldKind.INTEGER, size, coding=TWOS_COMPLEMENT, scale=Fraction(scale), offset=Fraction(offset))
     scaling = Scaling(spec, "float" if size < 4 else "double")
     assert scaling.from_wire("w") == from_wire
     assert scaling.to_wire("v") == to_wire

@@ -11,7 +11,8 @@ import pytest
 from wirebond.codec import Codec
 from wirebond.generate.from_header import import_header
 from wirebond.protocol import Protocol, loads
-from wirebond.protocol.model import End, Field, FieldKind
+from wirebond.protocol.model import TWOS_COMPLEMENT, End, Field, FieldKind
+from wirebond.protocol.spelling import field_type
 
 HEADER = """\
 // Robot link
@@ -115,7 +116,7 @@ def _places(fields: tuple[Field, ...], at: int) -> tuple[list[tuple[int, int]], 
                 inner, at = _places(field.fields, at)
                 found += inner
             continue
-        if field.kind != FieldKind.PADDING:
+        if field.has_value:
             found.append((at, field.max_wire_bytes))
         at += field.max_wire_bytes
     return found, at
@@ -124,22 +125,22 @@ def _places(fields: tuple[Field, ...], at: int) -> tuple[list[tuple[int, int]], 
 def test_types_arrays_enums_and_comments_come_along(tmp_path: Path) -> None:
     _, protocol = imported(tmp_path)
     command = protocol.message("chassis_cmd")
-    assert [(f.name, f.kind, f.size, f.description) for f in command.fields] == [
-        ("x", FieldKind.FLOAT, 4, "m/s, forwards"),
-        ("y", FieldKind.FLOAT, 8, "m/s"),
-        ("flags", FieldKind.UNSIGNED, 2, ""),
-        ("on", FieldKind.BOOL, 1, ""),
+    assert [(f.name, field_type(f), f.description) for f in command.fields] == [
+        ("x", "f32", "m/s, forwards"),
+        ("y", "f64", "m/s"),
+        ("flags", "u16", ""),
+        ("on", "bool", ""),
     ]
     fields = {f.name: f for f in protocol.message("motor_status").fields}
     assert fields["mode"].enum == (("idle", 0), ("run", 3), ("stop", 4))
     assert (fields["mode"].size, fields["color"].size) == (4, 1)
-    assert (fields["speed"].kind, fields["speed"].count) == (FieldKind.SIGNED, 4)
+    assert (fields["speed"].coding, fields["speed"].count) == (TWOS_COMPLEMENT, 4)
     assert (fields["grid"].count, fields["name"].kind, fields["name"].max_wire_bytes) == (6, FieldKind.TEXT, 8)
     assert list(fields)[:3] == ["id", "pose", "mode"]
-    assert [(f.name, f.kind) for f in fields["pose"].fields] == [
-        ("x", FieldKind.SIGNED),
-        ("y", FieldKind.SIGNED),
-        ("heading", FieldKind.FLOAT),
+    assert [(f.name, field_type(f)[0]) for f in fields["pose"].fields] == [
+        ("x", "i"),
+        ("y", "i"),
+        ("heading", "f"),
     ]
     assert (fields["pose"].kind, fields["pose"].type_name) == (FieldKind.STRUCT, "pose")
     inner = next(f for f in protocol.message("loose").fields if f.name == "inner")

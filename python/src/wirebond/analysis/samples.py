@@ -73,7 +73,7 @@ def _struct(fields: tuple[Field, ...], generator: random.Random) -> dict[str, An
     return {
         field.name: _value(field, counts.get(field.counted_by), generator)
         for field in fields
-        if field.kind != FieldKind.PADDING and not field.is_count
+        if field.has_value and not field.is_count
     }
 
 
@@ -101,7 +101,7 @@ def _element(field: Field, generator: random.Random) -> Any:
         return generator.random() < 0.5
     if field.enum:
         return generator.choice(field.enum)[0]
-    if field.kind == FieldKind.FLOAT:
+    if field.is_float:
         if field.minimum is not None and field.maximum is not None:
             return generator.uniform(field.minimum, field.maximum)
         wire = generator.gauss(0, 1) * 10 ** generator.uniform(-3, 3)  # magnitudes that sensors have

@@ -78,7 +78,7 @@ def parse_addresses(protocol: Protocol, words: list[str]) -> tuple[int | str, ..
 
 
 def _field_of(fields: tuple[Field, ...], name: str, owner: str) -> Field:
-    values = {f.name: f for f in fields if f.kind != FieldKind.PADDING}
+    values = {f.name: f for f in fields if f.has_value}
     if name not in values:
         raise MessageError(f"{owner} has no field '{name}'; it has {', '.join(values) or 'no fields'}")
     return values[name]
@@ -86,7 +86,7 @@ def _field_of(fields: tuple[Field, ...], name: str, owner: str) -> Field:
 
 def _example(message: Message, word: str) -> str:
     """An assignment to the field that ``word`` names, or to the first."""
-    fields = [f for f in message.fields if f.kind != FieldKind.PADDING]
+    fields = [f for f in message.fields if f.has_value]
     first = next((f for f in fields if f.name == word), fields[0] if fields else None)
     if first is None:
         return f"nothing: {message.name} has no fields"

@@ -10,12 +10,9 @@ from wirebond.as_json import plain
 from wirebond.codec import Codec
 from wirebond.link.attached.words import is_controlled
 from wirebond.protocol.model import (
-    INTEGERS,
-    NUMBERS,
     Deadline,
     End,
     Field,
-    FieldKind,
     GivenMessage,
     HeaderField,
     Message,
@@ -88,7 +85,7 @@ def _fields(fields: tuple[Field, ...], columns: set[str], prefix: str, within: t
     number whose bits are shared is a struct, too."""
     out = []
     for field in fields:
-        if field.kind == FieldKind.PADDING:
+        if not field.has_value:
             continue
         form = field_form(field)
         names = [f"{around}{field.name}" for around in within]
@@ -110,11 +107,11 @@ def field_form(field: Field) -> dict[str, Any]:
     return {
         "name": field.name,
         "kind": _kind(field),
-        "is_integer": field.kind in INTEGERS and not field.is_scaled,
+        "is_integer": field.is_integer and not field.is_scaled,
         "unit": field.unit,
         "min": _bound(field, field.minimum, least=True),
         "max": _bound(field, field.maximum, least=False),
-        "step": scale if field.kind in INTEGERS else None,
+        "step": scale if field.is_integer else None,
         "on_range": field.on_range,
         "default": field.default,
         "values": dict(values) if values else None,
@@ -134,12 +131,12 @@ def _kind(field: Field) -> str:
         return "flags"
     if field.fields:
         return "struct"
-    return "number" if field.kind in NUMBERS else field.kind.value
+    return "number" if field.is_number else field.kind.value
 
 
 def _bound(field: Field, given: float | None, *, least: bool) -> float | None:
     """What the file says; else what the wire can carry."""
-    if given is not None or field.kind not in INTEGERS:
+    if given is not None or not field.is_integer:
         return given
     ends = [wire * field.scale + field.offset for wire in field.whole_limits]
     value = min(ends) if least else max(ends)

@@ -9,7 +9,7 @@ import numpy as np
 from wirebond.as_json import plain
 from wirebond.codec import Message
 from wirebond.link.raw import is_raw
-from wirebond.protocol.model import NUMBERS, End, Field
+from wirebond.protocol.model import End, Field
 from wirebond.recording.history.source import Newest, Source
 from wirebond.recording.history.stream import Entry
 from wirebond.recording.history.told import message_dict
@@ -70,7 +70,7 @@ def _spark_column(source: Source, end: End, name: str) -> str | None:
 
 
 def _is_number(field: Field) -> bool:
-    return field.kind in NUMBERS and not field.enum and not field.flags
+    return field.is_number and not field.enum and not field.flags
 
 
 def frame_entries(

@@ -16,7 +16,6 @@ from wirebond.arguments import shown
 from wirebond.codec import Message
 from wirebond.errors import LinkDownError, MessageError, ParameterError, RequestTimeoutError, UsageError
 from wirebond.link.service_values import filled
-from wirebond.protocol.model import FieldKind
 from wirebond.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -296,12 +295,12 @@ class Parameters:
         limits = next(f for f in self._set.fields if f.name == "value")
         if limits.minimum is not None and limits.maximum is not None:
             here = f". The file here allows {limits.minimum:g} to {limits.maximum:g}, and the MCU less"
-        if self._value.kind == FieldKind.FLOAT and self._value.size == 4:
+        if self._value.is_float and self._value.size == 4:
             value = shortest(value)
         result = fields["result"]
         number = self._result.get(result, result)
         if number == _OK:
-            return float(value) if self._value.kind == FieldKind.FLOAT else int(value)
+            return float(value) if self._value.is_float else int(value)
         reason, words = {
             _NO_SUCH_INDEX: ("no_such_index", f"the MCU has no parameter {parameter}"),
             _OUT_OF_RANGE: (

@@ -24,7 +24,7 @@ from wirebond.link.engine_settings import (
 from wirebond.link.plugins import plugin
 from wirebond.link.python_link import PythonLink
 from wirebond.link.python_ports import LineSettings, PythonOpener
-from wirebond.protocol.model import MAX_LATENCY, Address, End, FieldKind, GivenMessage, Queue, Recover, Start
+from wirebond.protocol.model import MAX_LATENCY, Address, End, GivenMessage, Queue, Recover, Start
 from wirebond.protocol.model.forms import header_fields
 from wirebond.protocol.planning import plan_for, told_by_request
 
@@ -151,7 +151,7 @@ def _peer_stops(codec: Codec) -> Iterator[EnginePeerStop]:
             if sent.name != stop.message:  # its own bytes cut its frame: the lint says so
                 continue
             fields = codec.model.message(stop.message).fields
-            given = dict(stop.values) or {field.name for field in fields if field.kind != FieldKind.PADDING}
+            given = dict(stop.values) or {field.name for field in fields if field.has_value}
             mask = b"".join((b"\xff" if field.name in given else b"\0") * field.min_wire_bytes for field in fields)
             is_whole = any(field.is_variable for field in fields)
             payload = sent.payload if is_whole else sent.payload.ljust(len(mask), b"\0")

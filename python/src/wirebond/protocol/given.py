@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from wirebond.protocol.meaning.field_values import has_default
-from wirebond.protocol.model import INTEGERS, Field, FieldKind, GivenMessage, Protocol
+from wirebond.protocol.model import Field, FieldKind, GivenMessage, Protocol
 
 # How far two reals may differ that were the same: as floats they are off by some units in the last place.
 _SAME_REAL = 2.0**-20
@@ -36,9 +36,7 @@ def is_emergency_stop(model: Protocol, message: str, fields: Mapping[str, Any]) 
 def _left_out(fields: tuple[Field, ...]) -> dict[str, Any]:
     """The values that these fields take where nobody gives one, of those that need none."""
     return {
-        field.name: _default(field)
-        for field in fields
-        if field.kind != FieldKind.PADDING and not field.is_count and has_default(field)
+        field.name: _default(field) for field in fields if field.has_value and not field.is_count and has_default(field)
     }
 
 
@@ -70,9 +68,9 @@ def _element_equal(field: Field, received: Any, given: Any) -> bool:
         return bool(received == given.ljust(field.size, b"\0"))
     if field.flags:
         return _flag_bits(field, received) == _flag_bits(field, given)
-    if field.kind in INTEGERS:
+    if field.is_integer:
         return field.wire_bits(received) == field.wire_bits(given)
-    if field.kind == FieldKind.FLOAT:
+    if field.is_float:
         is_rounded = field.size == 4 or field.is_scaled
         return math.isclose(
             received,

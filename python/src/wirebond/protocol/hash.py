@@ -19,6 +19,8 @@ import json
 from typing import Any
 
 from wirebond.protocol.model import (
+    SIGN_MAGNITUDE,
+    TWOS_COMPLEMENT,
     Algorithm,
     BitRole,
     Bits,
@@ -146,8 +148,8 @@ def _run_value(run: Bits) -> int:
 def _header_meaning(field: Field) -> dict[str, Any]:
     """What makes a header field more than an unsigned number; nothing where it is none."""
     added = {
-        "signed": field.kind == FieldKind.SIGNED,
-        "sign_magnitude": field.sign_magnitude,
+        "signed": field.coding.is_signed,
+        "sign_magnitude": field.coding == SIGN_MAGNITUDE,
         "scale": [field.scale.numerator, field.scale.denominator] if field.is_scaled else None,
         "offset": [field.offset.numerator, field.offset.denominator] if field.is_scaled else None,
         "enum": dict(field.enum),
@@ -168,11 +170,18 @@ def _message(message: Message, mixed: bool) -> dict[str, Any]:
     }
 
 
+def _kind(field: Field) -> str:
+    """The kind by its name in hashes, which is older than codings: numbers with a sign were of one kind."""
+    if not field.is_integer:
+        return field.kind.value
+    return TWOS_COMPLEMENT.name if field.coding.is_signed else field.coding.name
+
+
 def _field(field: Field) -> dict[str, Any]:
-    if field.kind == FieldKind.PADDING:
+    if not field.has_value:
         fixed = {} if field.constant is None else {"constant": [field.constant, field.order.value]}
         return {"kind": field.kind.value, "size": field.size, "bits": field.bits, **fixed}
-    entry: dict[str, Any] = {"name": field.name, "kind": field.kind.value, "size": field.size}
+    entry: dict[str, Any] = {"name": field.name, "kind": _kind(field), "size": field.size}
     if field.size > 1 and not field.is_characters:
         entry["order"] = field.order.value
     entry |= {
@@ -187,7 +196,7 @@ def _field(field: Field) -> dict[str, Any]:
     added = {
         "bits": field.bits,
         "split": [list(piece) for piece in field.split],
-        "sign_magnitude": field.sign_magnitude,
+        "sign_magnitude": field.coding == SIGN_MAGNITUDE,
         "packed": field.packed and field.packed.value,
         "first": field.first.value if field.kind == FieldKind.BITS else None,
         "fields": [_field(member) for member in field.fields],

@@ -11,7 +11,7 @@ from typing import Any
 from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.meaning.field_values import number_text
 from wirebond.protocol.meaning.log_text import Shown, log_pieces
-from wirebond.protocol.model import Field, FieldKind, LogLevel, Message, Protocol
+from wirebond.protocol.model import Field, LogLevel, Message, Protocol
 from wirebond.visible import visible
 
 LEVELS = tuple(level.value for level in LogLevel)  # by the number that the log service has on the wire
@@ -84,7 +84,7 @@ def _shown(field: Field, value: Any) -> str:
 
 def _number(field: Field, value: float) -> str:
     """As many decimals as the wire carries; six digits of a float."""
-    if field.kind == FieldKind.FLOAT or not isfinite(value):
+    if field.is_float or not isfinite(value):
         return decimal_text(value, 6)
     digits = max(_decimals(number_text(field.scale)), _decimals(number_text(field.offset)))
     return f"{value:.{digits}f}"

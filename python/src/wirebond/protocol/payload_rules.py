@@ -100,11 +100,11 @@ def _numbers_of(
         lowering.read(one)
         if is_lost or one.is_list or one.count is not None or one.packed is not None or one.digits is not None:
             continue
-        if one.kind == FieldKind.UNSIGNED and not one.is_scaled:
+        if one.is_unsigned and not one.is_scaled:
             yield f"{path}{one.name}", (one, PayloadPlace(before, one.size, one.order, 0, (1 << one.width) - 1))
         if one.kind == FieldKind.BITS:
             for member, shift in bit_places(one):
-                if member.kind == FieldKind.UNSIGNED and not member.is_scaled and not member.split:
+                if member.is_unsigned and not member.is_scaled and not member.split:
                     mask = (1 << member.width) - 1
                     place = PayloadPlace(before, one.size, one.order, shift, mask)
                     yield f"{path}{one.name}.{member.name}", (member, place)
@@ -176,7 +176,7 @@ class _Lowering:
         else:
             if one.constant is not None:
                 self._add(one.constant_bytes, b"\xff" * one.size)
-            if one.kind == FieldKind.UNSIGNED and one.digits is None and not self.is_lost:
+            if one.is_unsigned and one.digits is None and not self.is_lost:
                 mask = (1 << one.width) - 1
                 self._numbers[-1][one.name] = CountingNumber(self.at, len(self.counts), one.size, one.order, 0, mask)
             self.at += one.min_wire_bytes
@@ -188,7 +188,7 @@ class _Lowering:
             if member.constant is not None:
                 mask |= ones << shift
                 value |= member.constant << shift
-            if member.kind == FieldKind.UNSIGNED and not member.split and not self.is_lost:
+            if member.is_unsigned and not member.split and not self.is_lost:
                 number = CountingNumber(self.at, len(self.counts), container.size, container.order, shift, ones)
                 self._numbers[-1][f"{container.name}.{member.name}"] = number
         if mask:

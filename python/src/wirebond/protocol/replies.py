@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from wirebond.protocol.model import INTEGERS, Field, FieldKind, Message
+from wirebond.protocol.model import Field, FieldKind, Message
 
 
 def carried_back(reply: Message, request: Message) -> list[str]:
     """Fields that both have, of one kind; not what counts or is counted, which only fits together."""
-    asked = {f.name: f for f in request.fields if f.kind != FieldKind.PADDING}
+    asked = {f.name: f for f in request.fields if f.has_value}
     return [
         f.name
         for f in reply.fields
@@ -23,8 +23,8 @@ def identifying(reply: Message, request: Message) -> list[str]:
 
 
 def _names_something(f: Field) -> bool:
-    return f.kind in (*INTEGERS, FieldKind.BOOL, FieldKind.TEXT) and not f.is_scaled
+    return f.kind in (FieldKind.INTEGER, FieldKind.BOOL, FieldKind.TEXT) and not f.is_scaled
 
 
 def _shape(f: Field) -> tuple[object, ...]:
-    return f.kind, f.count, f.is_list, f.is_scaled, f.enum, f.flags, f.fields
+    return f.kind, f.coding, f.count, f.is_list, f.is_scaled, f.enum, f.flags, f.fields

@@ -35,7 +35,7 @@ def _struct(fields: tuple[Field, ...], phase: int, wave: Wave, asked: Mapping[st
     return {
         f.name: _value(f, sizes.get(f.counted_by, FEW), phase + number, wave)
         for number, f in enumerate(fields)
-        if f.kind != FieldKind.PADDING and not f.is_count
+        if f.has_value and not f.is_count
     }
 
 
@@ -63,7 +63,7 @@ def _element(described: Field, phase: int, wave: Wave) -> Any:
 
 
 def _number(described: Field, wave: float | None) -> float | int:
-    if described.kind == FieldKind.FLOAT:
+    if described.is_float:
         low, high = -1.0, 1.0
     else:
         least, most = described.whole_limits
@@ -72,5 +72,5 @@ def _number(described: Field, wave: float | None) -> float | int:
     if described.minimum is not None and described.maximum is not None:
         low, high = described.minimum, described.maximum
     value = min(max(0.0, low), high) if wave is None else low + (high - low) * (0.5 + 0.45 * wave)
-    whole = described.kind != FieldKind.FLOAT and not described.is_scaled
+    whole = not described.is_float and not described.is_scaled
     return round(value) if whole else value

@@ -34,8 +34,6 @@ from wirebond.protocol.model import (
 )
 from wirebond.protocol.model.forms import Choice
 
-_LETTERS = {FieldKind.UNSIGNED: "u", FieldKind.SIGNED: "i", FieldKind.FLOAT: "f", FieldKind.BCD: "bcd"}
-
 
 def bytes_text(data: bytes) -> str:
     """``0xAA 0x55``, as magics are written."""
@@ -62,9 +60,9 @@ def field_type(field: Field) -> str:
         return field.type_name or "struct"
     if field.kind == FieldKind.BITS:
         return f"bits of {number_type('u', field.size, field.order)}"
-    letter = "s" if field.sign_magnitude else _LETTERS.get(field.kind)
-    if letter is None:
+    if not field.is_number:
         return field.kind.value
+    letter = "f" if field.is_float else field.coding.letters
     if field.digits is not None:
         return f"{letter}{field.bits} in {_digits_text(field.digits)}"
     return f"{letter}{field.bits}" if field.bits else number_type(letter, field.size, field.order)
@@ -208,7 +206,7 @@ def _run(run: Bits, check: str) -> str:
     if run.role == BitRole.CHECK:
         from_bit = f", from_bit: {run.value}" if run.value else ""
         return f"{run.name}: {{bits: {run.width}, check: {check}{from_bit}}}"
-    if run.header is None or run.header.value.kind == FieldKind.UNSIGNED:
+    if run.header is None or run.header.value.is_unsigned:
         key, word = "bits", str(run.width)
     else:
         key, word = "type", field_type(run.header.value)

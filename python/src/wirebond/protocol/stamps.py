@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from wirebond.protocol.model import Field, FieldKind, Message
+from wirebond.protocol.model import Field, Message
 from wirebond.protocol.problems import either
 
 UNITS = {"us": 1, "ms": 1000, "s": 1_000_000}  # microseconds
@@ -24,7 +24,7 @@ def count_us(stamp: Field) -> int:
 
 def stamp_fault(field: Field) -> str:
     """Why this field with `clock` cannot be a time stamp, as a sentence; empty where it can."""
-    if field.kind != FieldKind.UNSIGNED or field.count is not None or field.is_list or field.enum or field.flags:
+    if not field.is_unsigned or field.count is not None or field.is_list or field.enum or field.flags:
         return "`clock` is for one unsigned number, which counts time; take u32"
     if field.unit not in UNITS:
         found = f"`{field.unit}`" if field.unit else "none"

@@ -42,9 +42,7 @@ _EVENT_SCHEMA = {
 }
 _JSON_TYPES = {
     FieldKind.BOOL: "boolean",
-    FieldKind.UNSIGNED: "integer",
-    FieldKind.SIGNED: "integer",
-    FieldKind.BCD: "integer",
+    FieldKind.INTEGER: "integer",
     FieldKind.FLOAT: "number",
 }
 
@@ -77,7 +75,7 @@ def topic_of(message: Message, sender: str) -> str:
 def message_schema(codec: Codec, name: str) -> bytes:
     """JSON Schema of a message's decoded values."""
     model = next((m for m in codec.model.messages if m.name == name), None)
-    properties = {} if model is None else {f.name: _schema_of(f) for f in model.fields if f.kind != FieldKind.PADDING}
+    properties = {} if model is None else {f.name: _schema_of(f) for f in model.fields if f.has_value}
     return json.dumps({"title": name, "type": "object", "properties": properties}, ensure_ascii=False).encode()
 
 

@@ -41,13 +41,13 @@ def field_changes(old: Fields, new: Fields, where: Where) -> Iterator[Change]:
 
 
 def _key(field: Field) -> str:
-    return "" if field.kind == FieldKind.PADDING else field.name
+    return field.name if field.has_value else ""
 
 
 def _moved(old: Fields, new: Fields, matcher: SequenceMatcher[str]) -> list[str]:
     kept = {old[i].name for block in matcher.get_matching_blocks() for i in range(block.a, block.a + block.size)}
-    there = {f.name for f in new if f.kind != FieldKind.PADDING}
-    return [f.name for f in old if f.kind != FieldKind.PADDING and f.name in there and f.name not in kept]
+    there = {f.name for f in new if f.has_value}
+    return [f.name for f in old if f.has_value and f.name in there and f.name not in kept]
 
 
 def _bytes(fields: Sequence[Field]) -> int | None:
@@ -60,23 +60,23 @@ def _same_places(before: Fields, after: Fields) -> bool:
     if len(before) != len(after):
         return False
     return all(
-        _bytes([a]) == _bytes([b]) is not None and FieldKind.PADDING not in (a.kind, b.kind)
+        _bytes([a]) == _bytes([b]) is not None and a.has_value and b.has_value
         for a, b in zip(before, after, strict=True)
     )
 
 
 def _listed(fields: Sequence[Field]) -> str:
-    return ", ".join(f.name for f in fields if f.kind != FieldKind.PADDING) or "padding"
+    return ", ".join(f.name for f in fields if f.has_value) or "padding"
 
 
 def _other_fields(before: Fields, after: Fields, where: Where) -> Iterator[Change]:
     """Fields that came, went, or took the place of others."""
     size, new_size = _bytes(before), _bytes(after)
     keeps_size = before and after and size is not None and size == new_size
-    if keeps_size and all(f.kind == FieldKind.PADDING and f.constant is None for f in before):
+    if keeps_size and all(not f.has_value and f.constant is None for f in before):
         yield from _in_place_of_zeros(after, where, is_new=True)
         return
-    if keeps_size and all(f.kind == FieldKind.PADDING and f.constant is None for f in after):
+    if keeps_size and all(not f.has_value and f.constant is None for f in after):
         yield from _in_place_of_zeros(before, where, is_new=False)
         return
     names = _listed(after or before)
@@ -103,7 +103,7 @@ def _bytes_text(number: int) -> str:
 
 def _in_place_of_zeros(fields: Fields, where: Where, *, is_new: bool) -> Iterator[Change]:
     """Values where padding was, or padding where they were: nothing moves, and zeros are read for them."""
-    named = [f for f in fields if f.kind != FieldKind.PADDING]
+    named = [f for f in fields if f.has_value]
     for field in named:
         at = where.at(field.name, is_last=False)
         sentence = "is new where padding was" if is_new else "became padding"
@@ -127,11 +127,11 @@ def zeros_or_ignored(sides: Sides, name: str, *, is_new: bool) -> Effect:
 def _pair_changes(a: Field, b: Field, old: Fields, new: Fields, where: Where) -> Iterator[Change]:
     if a == b:
         return
-    if a.name != b.name and b.kind != FieldKind.PADDING:
+    if a.name != b.name and b.has_value:
         yield changed(
             where.path, f"was called {a.name}", place=where.place
         )  # the bytes stay: programs need the new name
-    if a.kind == b.kind == FieldKind.PADDING:
+    if not a.has_value and not b.has_value:
         if a.min_wire_bytes != b.min_wire_bytes:
             sentence = f"padding of {_bytes_text(a.size)} became {_bytes_text(b.size)}"
             yield _resized(where, sentence)
@@ -190,10 +190,10 @@ def _misread(sent: Field, read: Field, sides: Sides) -> Effect:
     """Of another type: only whole numbers of one size can agree, as far as both types reach."""
     if sent.digits is not None and sent.digits == read.digits:
         return _misspelled(sent, read, sides)
-    whole = (FieldKind.UNSIGNED, FieldKind.SIGNED)
+    binary = all(one.is_integer and one.coding.is_binary for one in (sent, read))
     same_bytes = (sent.size, sent.bits, sent.packed, sent.digits) == (read.size, read.bits, read.packed, read.digits)
     same_order = sent.order == read.order or sent.size <= 1
-    if not (sent.kind in whole and read.kind in whole and same_bytes and same_order):
+    if not (binary and same_bytes and same_order):
         moved = _bytes([sent]) != _bytes([read])
         return Effect(
             sides.flow, True, "it is read as other values" + (", and what follows lies elsewhere" if moved else "")
@@ -303,7 +303,7 @@ def _bit_field_changes(a: Field, b: Field, where: Where) -> Iterator[Change]:
                 yield changed(at.path, "is new in free bits", effects, place=at.place)
             continue
         earlier_shift, earlier = before[name]
-        unsigned = earlier.kind == field.kind == FieldKind.UNSIGNED
+        unsigned = earlier.is_unsigned and field.is_unsigned
         places, earlier_places = pieces(field, shift), pieces(earlier, earlier_shift)
         is_whole = len(places) == len(earlier_places) == 1
         if unsigned and is_whole and earlier_shift == shift and earlier.width != field.width:
@@ -339,7 +339,7 @@ def _other_width(a: Field, b: Field, where: Where) -> Change:
 
 def _runs(field: Field) -> dict[str, tuple[int, Field]]:
     """Of each value its lowest bit."""
-    return {member.name: (low, member) for member, low in bit_places(field) if member.kind != FieldKind.PADDING}
+    return {member.name: (low, member) for member, low in bit_places(field) if member.has_value}
 
 
 def _meet(shift: int, field: Field, low: int, other: Field) -> bool:

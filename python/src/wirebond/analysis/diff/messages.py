@@ -57,7 +57,17 @@ def _alike(one: tuple[Field, ...], other: tuple[Field, ...]) -> bool:
 
 def _layout(field: Field) -> tuple[object, ...]:
     inner = tuple(_layout(f) for f in field.fields)
-    return (field.kind, field.width, field.order, field.count, field.max_count, field.max_size, field.scale, inner)
+    return (
+        field.kind,
+        field.coding,
+        field.width,
+        field.order,
+        field.count,
+        field.max_count,
+        field.max_size,
+        field.scale,
+        inner,
+    )
 
 
 # ---- messages that only one file has

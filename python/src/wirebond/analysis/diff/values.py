@@ -8,7 +8,7 @@ from fractions import Fraction
 from wirebond.analysis.diff.change import Change, Effect, changed, harmless
 from wirebond.analysis.diff.where import Where
 from wirebond.protocol.meaning.field_values import number_text, wire_limits
-from wirebond.protocol.model import Field, FieldKind, OnRange
+from wirebond.protocol.model import Field, OnRange
 
 
 def value_changes(a: Field, b: Field, where: Where) -> Iterator[Change]:
@@ -58,7 +58,7 @@ def _other_scale(a: Field, b: Field, where: Where) -> Change:
 def _telling_number(field: Field) -> Fraction:
     """A number on the wire that makes a good example: the one of the value 1, if it has one."""
     wire = (1 - field.offset) / field.scale
-    if field.kind == FieldKind.FLOAT:
+    if field.is_float:
         return wire
     lowest, highest = wire_limits(field)
     return wire if wire.denominator == 1 and wire != 0 and lowest <= wire <= highest else Fraction(1)

@@ -50,7 +50,7 @@ class _Walk:
                 size = one.min_wire_bytes
                 data = self.payload[self.at : self.at + size]
                 self.at += size
-                if one.kind == FieldKind.UNSIGNED:
+                if one.is_unsigned:
                     numbers[one.name] = _number(one, data)
                 for member, low in bit_places(one) if one.kind == FieldKind.BITS else ():
                     numbers[f"{one.name}.{member.name}"] = _number(one, data) >> low & (1 << member.width) - 1

@@ -77,11 +77,11 @@ class _Walk:
         size = one.min_wire_bytes
         data = self.payload[self.at : self.at + size]
         self.at += size
-        is_number = one.kind == FieldKind.UNSIGNED and one.is_count
+        is_number = one.is_unsigned and one.is_count
         if (is_number or any(member.is_count for member in one.fields)) and len(data) < size:
             raise IndexError
         number = int.from_bytes(data, "big" if one.order == ByteOrder.BIG else "little")
-        if one.kind == FieldKind.UNSIGNED:
+        if one.is_unsigned:
             numbers[one.name] = number
         for member, low in bit_places(one) if one.kind == FieldKind.BITS else ():
             numbers[f"{one.name}.{member.name}"] = number >> low & (1 << member.width) - 1

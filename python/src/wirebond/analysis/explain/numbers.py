@@ -29,26 +29,14 @@ def number_of(field: Field, raw: int) -> ReadNumber:
     """One number by its bits: its value, in words, and the rule that it breaks."""
     if field.kind == FieldKind.BOOL:
         return raw != 0, "true" if raw else "false", "" if raw <= 1 else f" is {raw}; a bool is 0 or 1"
-    if field.kind == FieldKind.FLOAT:
+    if field.is_float:
         return _float(field, raw)
-    if field.kind == FieldKind.BCD:
-        return _decimal_digits(field, raw)
-    return whole_number(field, _signed(field, raw) if field.kind == FieldKind.SIGNED else raw)
-
-
-def _decimal_digits(field: Field, raw: int) -> ReadNumber:
-    digits = f"{raw:0{field.width // 4}X}"
-    if digits.isdecimal():
-        return whole_number(field, int(digits))
-    value, *_ = whole_number(field, field.bcd_end)
-    return value, f"0x{digits}", f" is 0x{digits}, which has other digits than 0 to 9"
-
-
-def _signed(field: Field, raw: int) -> int:
-    top = 1 << (field.width - 1)
-    if field.sign_magnitude:
-        return -(raw & top - 1) if raw & top else raw
-    return raw - 2 * top if raw & top else raw
+    wire = field.coding.number_of(raw, field.width)
+    if wire is not None:
+        return whole_number(field, wire)
+    digits = f"0x{raw:0{(field.width + 3) // 4}X}"
+    value, *_ = whole_number(field, field.coding.limits(field.width)[1] + 1)
+    return value, digits, f" is {digits}, {field.coding.gaps}"
 
 
 def whole_number(field: Field, wire: int) -> ReadNumber:
@@ -104,7 +92,7 @@ def scaled(field: Field, wire: float) -> float:
     """In doubles and in this order, so that it is the engine's value to the last bit: `to_si` in native/element.hpp.
     tests/test_scaled_values.py compares the two."""
     numerator, addend, denominator, offset = field.double_factors
-    if field.kind == FieldKind.FLOAT:  # adding a zero would take the sign of another
+    if field.is_float:  # adding a zero would take the sign of another
         scaled = float(wire) * numerator / denominator
         return scaled + float(offset) if offset else scaled
     return (float(wire) * numerator + addend) / denominator + float(offset)

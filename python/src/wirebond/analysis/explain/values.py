@@ -45,7 +45,7 @@ def read_fields(message: Message, payload: bytes) -> list[Reading]:
 
 def values_of(readings: Iterable[Reading]) -> dict[str, Any]:
     """By name, as the Python API gives them."""
-    return {reading.name: reading.value for reading in readings if reading.field.kind != FieldKind.PADDING}
+    return {reading.name: reading.value for reading in readings if reading.field.has_value}
 
 
 def faults_of(readings: Iterable[Reading], path: str = "") -> list[str]:
@@ -59,7 +59,7 @@ def faults_of(readings: Iterable[Reading], path: str = "") -> list[str]:
 
 def values_text(readings: Iterable[Reading]) -> str:
     """``linear 0.5 m/s, angular 0 rad/s``, shortened where there is much."""
-    texts = [f"{r.name} {_short(r)}" for r in readings if r.field.kind != FieldKind.PADDING]
+    texts = [f"{r.name} {_short(r)}" for r in readings if r.field.has_value]
     text = ", ".join(texts)
     return text if len(text) <= _MOST_TEXT else f"{text[:_MOST_TEXT]}…"
 
@@ -70,7 +70,7 @@ _MOST_TEXT = 240
 def _short(reading: Reading) -> str:
     if not reading.parts:
         return reading.text.split(" (")[0]
-    inner = ", ".join(f"{part.name} {_short(part)}" for part in reading.parts if part.field.kind != FieldKind.PADDING)
+    inner = ", ".join(f"{part.name} {_short(part)}" for part in reading.parts if part.field.has_value)
     return f"{{{inner}}}"
 
 
@@ -206,7 +206,7 @@ def _spelled_number(field: Field, digits: Digits, spelled: str) -> int | None:
     else:
         found = re.fullmatch(r" *([+-]?)([0-9]*)(?:\.([0-9]*))?", spelled)
         number = _decimal_number(found[1], found[2], found[3], digits.decimals) if found else None
-        if found is not None and found[1] == "-" and field.kind != FieldKind.SIGNED:
+        if found is not None and found[1] == "-" and not field.coding.is_signed:
             return None
     least, greatest = replace(field, digits=None).whole_limits
     return number if number is not None and least <= number <= greatest else None
@@ -255,7 +255,7 @@ def _bit_fields(walk: _Walk, field: Field, _: int | None) -> Reading:
     number = raw_number(field, data)
     parts = []
     for part, low in bit_places(field):
-        if part.kind == FieldKind.PADDING and part.constant is None:
+        if not part.has_value and part.constant is None:
             continue
         bits = bits_of(part, low, number)
         if part.constant is not None:
@@ -303,9 +303,7 @@ def _struct(walk: _Walk, field: Field, name: str) -> Reading:
 
 # One entry for each kind of field in the model.
 _READERS: dict[FieldKind, Callable[[_Walk, Field, int | None], Reading]] = {
-    FieldKind.UNSIGNED: _numbers,
-    FieldKind.SIGNED: _numbers,
-    FieldKind.BCD: _numbers,
+    FieldKind.INTEGER: _numbers,
     FieldKind.FLOAT: _numbers,
     FieldKind.BOOL: _numbers,
     FieldKind.TEXT: _text,

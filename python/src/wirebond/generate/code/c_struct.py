@@ -10,7 +10,7 @@ from wirebond.generate.code.c_names import Names, member_name
 from wirebond.generate.code.cpp_field import element_type, hex_literal, member_comment
 from wirebond.generate.code.cpp_number import integer, real, real_type, wire_integer
 from wirebond.generate.code.cpp_shape import Member, Shape
-from wirebond.protocol.model import NUMBERS, End, Field, FieldKind
+from wirebond.protocol.model import End, Field, FieldKind
 
 _INT_MAX = 2**31 - 1
 
@@ -142,12 +142,12 @@ class Declarer:
 
     def _limits(self, spec: Field, words: tuple[str, ...]) -> None:
         """A constant for each end of a number's range."""
-        if spec.kind not in NUMBERS or spec.enum:
+        if not spec.is_number or spec.enum:
             return
         for bound, word, whole in ((spec.minimum, "min", math.ceil), (spec.maximum, "max", math.floor)):
             if bound is None:
                 continue
-            is_real = spec.kind == FieldKind.FLOAT or spec.is_scaled
+            is_real = spec.is_float or spec.is_scaled
             literal = real(bound, real_type(spec)) if is_real else integer(whole(bound))
             negative = literal.startswith("-")
             self._found.limits.append(

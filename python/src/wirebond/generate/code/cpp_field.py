@@ -9,7 +9,7 @@ from fractions import Fraction
 
 from wirebond.generate.code.cpp_number import Scaling, integer, nearest_float, real, real_type, wire_integer
 from wirebond.generate.code.names import identifier
-from wirebond.protocol.model import NUMBERS, BitOrder, ByteOrder, Default, Digits, Field, FieldKind, OnRange
+from wirebond.protocol.model import UNSIGNED, BitOrder, ByteOrder, Default, Digits, Field, FieldKind, OnRange
 
 _WHOLE_SIZES = (1, 2, 4, 8)
 
@@ -39,14 +39,14 @@ def comment_text(text: str) -> str:
 def is_plain(spec: Field) -> bool:
     """Is the member the wire's number itself, and fills it its bytes?"""
     whole = spec.size in _WHOLE_SIZES and not _coding(spec) and spec.digits is None
-    return spec.kind in NUMBERS and not spec.enum and not spec.is_scaled and whole
+    return spec.is_number and not spec.enum and not spec.is_scaled and whole
 
 
 # ---- types ------------------------------------------------------------------------------------------------------
 
 
 def _is_real(spec: Field) -> bool:
-    return spec.kind == FieldKind.FLOAT or (spec.kind in NUMBERS and spec.is_scaled)
+    return spec.is_float or (spec.is_number and spec.is_scaled)
 
 
 def element_type(spec: Field, enum_type: str) -> str:
@@ -129,9 +129,8 @@ def member_comment(spec: Field, bits: str = "") -> str:
 
 def _coding(spec: Field) -> str:
     """How the bits of a whole number mean it; empty where they are plain binary."""
-    if spec.kind == FieldKind.BCD:
-        return "wirebond::Coding::bcd"
-    return "wirebond::Coding::sign_magnitude" if spec.sign_magnitude else ""
+    name = spec.coding.cpp
+    return "" if name == UNSIGNED.cpp else f"wirebond::Coding::{name}"
 
 
 def _template_arguments(spec: Field, type_name: str) -> str:
@@ -165,7 +164,7 @@ def _bounds(spec: Field, limit: _Limit) -> tuple[str, str]:
         if _is_real(spec):
             type_name = real_type(spec)
             value: Fraction | float = bound
-            if limit == _Limit.RECEIVED and spec.kind != FieldKind.FLOAT:
+            if limit == _Limit.RECEIVED and not spec.is_float:
                 value = Scaling(spec, type_name).received_limit(bound, upper)
             if limit == _Limit.SENT:
                 value = Scaling(spec, type_name).given_limit(bound, upper)
@@ -190,7 +189,7 @@ def write_value(spec: Field, value: str, slot: Slot) -> list[str]:
     """Lines that store ``value``, or return false where it breaks a rule."""
     if spec.kind == FieldKind.BOOL:
         return [_store_bool(spec, value, slot)]
-    if spec.kind == FieldKind.FLOAT:
+    if spec.is_float:
         element = real_type(spec)
         wire = Scaling(spec, element).to_wire(value) if spec.is_scaled else value
         call = f"store_finite{_template_arguments(spec, element)}({slot.place}, {wire})"
@@ -335,7 +334,7 @@ def _wire_number(spec: Field, value: str) -> tuple[list[str], str]:
 
 def store_container(spec: Field, value: str, place: str) -> str:
     """The line that stores a number which always fits."""
-    number = Field(spec.name, FieldKind.UNSIGNED, spec.size, spec.order)
+    number = Field(spec.name, FieldKind.INTEGER, spec.size, spec.order)
     return _store_integer(number, value, Slot(place))
 
 
@@ -343,7 +342,7 @@ def read_value(spec: Field, value: str, slot: Slot, enum_type: str) -> list[str]
     """The line that loads ``value``; ``enum_type`` by its full name."""
     if spec.kind == FieldKind.BOOL:
         return [f"{value} = {load_integer(spec, slot) if spec.bits else _byte(slot.place)} != 0;"]
-    if spec.kind == FieldKind.FLOAT:
+    if spec.is_float:
         wire = f"wirebond::load{_template_arguments(spec, real_type(spec))}({slot.place})"
     else:
         wire = load_integer(spec, slot)
@@ -356,10 +355,10 @@ def validate_value(spec: Field, value: str) -> list[str]:
     """Lines that add what a received value breaks to ``found``."""
     if spec.enum:
         return [f"if (!is_known({value})) found |= wirebond::Violation::unknown_enum;"]
-    if spec.kind not in NUMBERS:
+    if not spec.is_number:
         return []
     lines = []
-    if spec.kind == FieldKind.FLOAT:
+    if spec.is_float:
         lines.append(f"if (!wirebond::is_finite({value})) found |= wirebond::Violation::not_finite;")
     beyond = outside(spec, value, received=True)
     if beyond:
@@ -370,7 +369,7 @@ def validate_value(spec: Field, value: str) -> list[str]:
 
 def clamp_value(spec: Field, value: str) -> list[str]:
     """Lines that bring a received value to its nearest bound."""
-    if spec.on_range != OnRange.CLAMP or spec.enum or spec.kind not in NUMBERS:
+    if spec.on_range != OnRange.CLAMP or spec.enum or not spec.is_number:
         return []
     low, high = _bounds(spec, _Limit.CLAMPED)
     lines = [f"if ({value} < {low}) {value} = {low};"] if low else []

@@ -8,7 +8,7 @@ from dataclasses import replace
 from wirebond.generate.code.cpp_field import initial_value
 from wirebond.generate.code.cpp_number import Scaling, integer, real, real_type
 from wirebond.generate.code.cpp_shape import Member, Shape, declared_string
-from wirebond.protocol.model import INTEGERS, NUMBERS, Field, FieldKind, GivenValue
+from wirebond.protocol.model import Field, GivenValue
 
 
 def given_value(member: Member, value: GivenValue) -> str:
@@ -82,23 +82,17 @@ def _repeats(spec: Field) -> bool:
 
 def _same(spec: Field, a: str, b: str) -> str:
     """Are two values the same number on the wire?"""
-    is_number = spec.kind in NUMBERS
+    is_number = spec.is_number
     if not is_number or not spec.is_scaled or Scaling(spec, real_type(spec)).is_exact:
         return f"wirebond::detail::are_equal({a}, {b}, 0)"
     kind = real_type(spec)
-    if spec.kind == FieldKind.FLOAT:
+    if spec.is_float:
         return f"wirebond::detail::are_close<{kind}>({a}, {b}, {real(abs(spec.offset), kind)})"
     return f"wirebond::detail::are_near<{kind}>({a}, {b}, {real(abs(spec.scale) / 2, kind)})"
 
 
 def _as_carried(spec: Field, value: float | int | bool | str) -> float | int | bool | str:
     """Of a scaled integer the value that the wire carries: a receiver compares it with what it decoded."""
-    if spec.kind not in INTEGERS or not spec.is_scaled or isinstance(value, str):
+    if not spec.is_integer or not spec.is_scaled or isinstance(value, str):
         return value
-    if spec.kind == FieldKind.BCD:
-        return float(int(f"{spec.wire_bits(value):x}") * spec.scale + spec.offset)
-    bits = spec.wire_bits(value)
-    sign = 1 << (spec.width - 1)
-    if spec.kind == FieldKind.SIGNED and bits & sign:
-        bits = sign - bits if spec.sign_magnitude else bits - 2 * sign
-    return float(bits * spec.scale + spec.offset)
+    return float(spec.wire_number(value) * spec.scale + spec.offset)

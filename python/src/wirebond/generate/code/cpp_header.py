@@ -16,7 +16,7 @@ from wirebond.generate.code.cpp_field import (
 )
 from wirebond.generate.code.cpp_rules import validate_lines
 from wirebond.generate.code.cpp_shape import Member, Shape, known_enums, member_lines, shape_of, type_blocks
-from wirebond.protocol.model import Address, End, Field, FieldKind, HeaderField, Protocol
+from wirebond.protocol.model import Address, End, Field, HeaderField, Protocol
 from wirebond.protocol.model.forms import header_fields
 
 STRUCT = "Header"
@@ -92,7 +92,7 @@ def _in_number(spec: Field) -> Field:
 
 def _write_lines(member: Member, place: int) -> list[str]:
     number, value = f"numbers[{place}]", f"header.{member.name}"
-    if is_plain(member.spec) and member.spec.kind == FieldKind.UNSIGNED:
+    if is_plain(member.spec) and member.spec.is_unsigned:
         beyond = outside(member.spec, value, received=False)
         return [*([f"if ({beyond}) return false;"] if beyond else []), f"{number} = {value};"]
     return [f"{number} = 0;", *write_value(_in_number(member.spec), value, Slot(number))]

@@ -7,7 +7,7 @@ import struct
 from dataclasses import dataclass
 from fractions import Fraction
 
-from wirebond.protocol.model import Field, FieldKind
+from wirebond.protocol.model import UNSIGNED, Coding, Field
 
 FLOAT_DIGITS = 24  # bits of a float's mantissa
 DOUBLE_DIGITS = 53
@@ -52,39 +52,35 @@ class WireInteger:
     """The integer type that holds a field's wire value."""
 
     bits: int  # on the wire
-    signed: bool
-    sign_magnitude: bool = False
-    bcd_end: int = 0  # of decimal digits: what those become that are none; 0: it has no such digits
+    coding: Coding
 
     @property
     def type_name(self) -> str:
         bits = next(b for b in (8, 16, 32, 64) if b >= self.bits)
-        return f"std::{'int' if self.signed else 'uint'}{bits}_t"
+        return f"std::{'int' if self.coding.is_signed else 'uint'}{bits}_t"
 
     @property
     def low(self) -> int:
-        return self.sign_magnitude - (1 << (self.bits - 1)) if self.signed else 0
+        return self.coding.limits(self.bits)[0]
 
     @property
     def high(self) -> int:
-        if self.bcd_end:
-            return self.bcd_end
-        return (1 << (self.bits - self.signed)) - 1
+        """The greatest number that can be read."""
+        return self.coding.limits(self.bits)[1] + bool(self.coding.gaps)
 
     @property
     def is_whole(self) -> bool:
         """Does every value of the type fit on the wire?"""
-        return self.bits in (8, 16, 32, 64) and not self.sign_magnitude and not self.bcd_end
+        return self.bits in (8, 16, 32, 64) and self.coding.cpp == UNSIGNED.cpp
 
 
 def wire_integer(field: Field) -> WireInteger:
-    bcd_end = field.bcd_end if field.kind == FieldKind.BCD else 0
-    return WireInteger(field.width, field.kind == FieldKind.SIGNED, field.sign_magnitude, bcd_end)
+    return WireInteger(field.width, field.coding)
 
 
 def real_type(field: Field) -> str:
     """The SI type of a float or a scaled integer: a float where it brings every wire value back as it was."""
-    if field.kind == FieldKind.FLOAT:
+    if field.is_float:
         return "float" if field.size == 4 else "double"
     return "float" if _survives_float(field) else "double"
 
@@ -109,7 +105,7 @@ class Scaling:
 
     @property
     def is_exact(self) -> bool:
-        if self.field.kind == FieldKind.FLOAT:
+        if self.field.is_float:
             return False
         numerator, shift, denominator = self.field.common_factors
         wire = wire_integer(self.field)
@@ -133,7 +129,7 @@ class Scaling:
         """The SI value of the wire number that the expression ``wire`` yields. An integer's zero has no sign."""
         if not self.is_exact:
             scale = self.field.scale
-            if scale < 0 and not self.field.offset and self.field.kind != FieldKind.FLOAT:
+            if scale < 0 and not self.field.offset and not self.field.is_float:
                 return f"0.0{self._suffix} - static_cast<{self.type_name}>({wire}) * {real(-scale, self.type_name)}"
             text = f"static_cast<{self.type_name}>({wire}) * {real(scale, self.type_name)}"
             if self.field.offset:
@@ -169,7 +165,7 @@ class Scaling:
 
     def given_limit(self, bound: float, upper: bool) -> Fraction:
         """The bound for values to send: what the arithmetic lost of the bound itself is not held against a value."""
-        if self.field.kind == FieldKind.FLOAT or self.is_exact:
+        if self.field.is_float or self.is_exact:
             return Fraction(str(bound))
         mantissa = FLOAT_DIGITS if self.type_name == "float" else DOUBLE_DIGITS
         slack = min(self.field.lost_digits(mantissa), abs(self.field.scale) / 4)

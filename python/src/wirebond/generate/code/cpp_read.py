@@ -66,7 +66,7 @@ class Reader:
         told: dict[str, _Told] = {}
         for member, at, more in walk(shape, here):
             spec, value, place = member.spec, f"{here.value}.{member.name}", here.place(at)
-            if spec.kind == FieldKind.PADDING:
+            if not spec.has_value:
                 continue
             if spec.is_count:
                 lines.append(self._tell(spec.name, spec, Slot(place), told))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from wirebond.generate.code.cpp_field import clamp_value, outside, validate_value
 from wirebond.generate.code.cpp_shape import Shape
 from wirebond.generate.code.cpp_walk import Here, loop
-from wirebond.protocol.model import Field, FieldKind
+from wirebond.protocol.model import Field
 
 
 def validate_lines(shape: Shape, value: str = "message") -> list[str]:
@@ -42,4 +42,4 @@ def _rule_lines(shape: Shape, here: Here, *, clamps: bool) -> list[str]:
 def _only_finite(spec: Field) -> bool:
     """Is it an array whose elements have no other rule than that they are finite?"""
     bounded = outside(spec, "", received=True) or spec.enum
-    return spec.kind == FieldKind.FLOAT and spec.count is not None and not spec.is_list and not bounded
+    return spec.is_float and spec.count is not None and not spec.is_list and not bounded

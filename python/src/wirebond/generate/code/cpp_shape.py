@@ -43,7 +43,7 @@ class Shape:
 def shape_of(path: str, fields: tuple[Field, ...], named: Mapping[str, Shape]) -> Shape:
     """The struct for these fields. ``named``: those of the file's types, by their names in the file."""
     scope = names.Scope(frozenset({path.rpartition("::")[2], "Info", *(shape.path for shape in named.values())}))
-    hidden = {f.name for f in fields if f.kind == FieldKind.PADDING or f.is_count or f.only_counts}
+    hidden = {f.name for f in fields if not f.has_value or f.is_count or f.only_counts}
     members = {f.name: "" if f.name in hidden else scope.claim(names.identifier(f.name), "_") for f in fields}
     found = []
     for spec in fields:

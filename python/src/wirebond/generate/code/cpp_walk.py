@@ -73,12 +73,12 @@ def shifts(spec: Field) -> list[int]:
 
 
 def container_type(spec: Field) -> str:
-    return element_type(Field(spec.name, FieldKind.UNSIGNED, spec.size), "")
+    return element_type(Field(spec.name, FieldKind.INTEGER, spec.size), "")
 
 
 def container(spec: Field) -> Field:
     """The number that holds bit fields."""
-    return Field(spec.name, FieldKind.UNSIGNED, spec.size, spec.order)
+    return Field(spec.name, FieldKind.INTEGER, spec.size, spec.order)
 
 
 def block_copy(spec: Field, element: str) -> str:

@@ -43,10 +43,10 @@ def write_lines(shape: Shape, here: Here | None = None) -> list[str]:
             own = product(step, f"{value}.size")
             if counted[name] != own:
                 lines.append(f"if ({own} != {counted[name]}) return false;")
-        if spec.kind == FieldKind.PADDING and spec.constant:
+        if not spec.has_value and spec.constant:
             letters = "".join(f"\\x{byte:02X}" for byte in spec.constant_bytes)
             lines.append(f'std::memcpy({place}, "{letters}", {spec.size});')
-        elif spec.kind == FieldKind.PADDING:
+        elif not spec.has_value:
             lines.append(f"std::memset({place}, 0, {spec.size});")
         elif spec.is_count:
             lines += _count_lines(shape, here, spec.name, counted)
@@ -138,7 +138,7 @@ def _write_list(member: Member, here: Here, at: int, more: bool) -> list[str]:
 
 def _write_array(member: Member, here: Here, at: int) -> list[str]:
     spec, value, index = member.spec, f"{here.value}.{member.name}", here.index
-    if is_plain(spec) and not spec.packed and spec.kind != FieldKind.FLOAT and not outside(spec, value, received=False):
+    if is_plain(spec) and not spec.packed and not spec.is_float and not outside(spec, value, received=False):
         arguments = block_copy(spec, element_type(spec, ""))
         return [f"wirebond::store_array{arguments}({here.place(at)}, {value});"]
     body = write_value(spec, f"{value}[{index}]", element_slot(spec, here, at, index))

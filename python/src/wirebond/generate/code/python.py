@@ -189,7 +189,7 @@ class _Writer:
             [
                 self._member(name, field, scope.claim(python_identifier(field.name), "_"))
                 for field in fields
-                if field.kind != FieldKind.PADDING and not field.is_count and not field.only_counts
+                if field.has_value and not field.is_count and not field.only_counts
             ],
         )
         self.blocks.append(block)
@@ -242,7 +242,7 @@ def _plain_type(spec: Field) -> str:
         return "bool"
     if spec.is_string:
         return "str" if spec.kind == FieldKind.TEXT else "bytes"
-    return "float" if spec.kind == FieldKind.FLOAT or spec.is_scaled else "int"
+    return "float" if spec.is_float or spec.is_scaled else "int"
 
 
 def _comment(spec: Field) -> str:

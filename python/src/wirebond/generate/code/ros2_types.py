@@ -177,7 +177,7 @@ class _Writer:
         members = [*before]
         names, constants = _Names(one.name for one in members), _Names()
         for spec in fields:
-            if spec.kind == FieldKind.PADDING or spec.is_count or spec.only_counts:
+            if not spec.has_value or spec.is_count or spec.only_counts:
                 continue
             own = names.claim(field_name(spec.name), "_value")
             member = self._member(name, own, spec, constants)
@@ -217,10 +217,10 @@ def _type_of(spec: Field) -> str:
         return "bool"
     if spec.kind == FieldKind.TEXT:
         return "string"
-    if spec.kind == FieldKind.FLOAT or spec.is_scaled:
-        return "float32" if spec.kind == FieldKind.FLOAT and spec.size <= 4 and not spec.is_scaled else "float64"
+    if spec.is_float or spec.is_scaled:
+        return "float32" if spec.is_float and spec.size <= 4 and not spec.is_scaled else "float64"
     size = next(size for size in _SIZES if size >= spec.width)
-    return f"{'' if spec.kind == FieldKind.SIGNED else 'u'}int{size}"
+    return f"{'' if spec.coding.is_signed else 'u'}int{size}"
 
 
 def _default(spec: Field) -> str:
@@ -244,5 +244,5 @@ def _one(spec: Field, default: Default) -> str:
         return json.dumps(default, ensure_ascii=False) if spec.kind == FieldKind.TEXT else str(dict(spec.enum)[default])
     if spec.kind == FieldKind.BOOL:
         return "true" if default else "false"
-    is_real = spec.kind == FieldKind.FLOAT or spec.is_scaled
+    is_real = spec.is_float or spec.is_scaled
     return repr(float(default) if is_real else int(default))  # type: ignore[arg-type]

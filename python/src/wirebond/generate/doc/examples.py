@@ -66,7 +66,7 @@ def _values(fields: tuple[Field, ...], first: int = 0) -> dict[str, Any]:
     return {
         field.name: _field_value(field, first + index, sizes.get(field.counted_by, _few(field)))
         for index, field in enumerate(fields)
-        if field.kind != FieldKind.PADDING and not field.is_count
+        if field.has_value and not field.is_count
     }
 
 
@@ -175,9 +175,7 @@ def _bytes(field: Field, size: int) -> bytes:
 
 # One entry for each kind of field in the model that is no string.
 _VALUES: dict[FieldKind, Callable[[Field, int], Any]] = {
-    FieldKind.UNSIGNED: _whole,
-    FieldKind.SIGNED: _whole,
-    FieldKind.BCD: _whole,
+    FieldKind.INTEGER: _whole,
     FieldKind.FLOAT: _float,
     FieldKind.BOOL: lambda field, index: index % 2 == 0,  # noqa: ARG005  (the table's signature)
     FieldKind.PADDING: lambda field, index: None,  # noqa: ARG005  (it has no value)

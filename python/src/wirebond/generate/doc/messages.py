@@ -124,7 +124,7 @@ def _rows(fields: tuple[Field, ...], at: int | None, level: int) -> tuple[list[t
         least, most = field.min_wire_bytes, field.max_wire_bytes
         size = "" if least == most == 0 else str(least) if least == most else f"{least} to {most}"
         name = "- " * level + field.name
-        meaning = field.description or ("sent as 0, ignored" if field.kind == FieldKind.PADDING else "")
+        meaning = field.description or ("sent as 0, ignored" if not field.has_value else "")
         if field.clock is not None:
             stamp = "when these values were measured, on the MCU's clock"
             meaning = f"{stamp}; {field.description}" if field.description else stamp

@@ -11,33 +11,32 @@ from pycparser import CParser, c_ast
 from pycparser.c_parser import ParseError
 
 from wirebond.generate.from_header.preprocess import Body, Source, stop
-from wirebond.protocol.model import FieldKind
 
 MAX_NESTING = 200  # brackets; a header needs ten, and the parser is recursive
 MAX_ELEMENTS = 65_535
 MAX_LEVELS = 32  # of structs within structs
 
 # What the words of C mean in bytes on a 32-bit ARM, where they agree with a Linux host unless marked.
-_SCALARS: dict[str, tuple[FieldKind, int]] = {
-    **{f"uint{bits}_t": (FieldKind.UNSIGNED, bits // 8) for bits in (8, 16, 32, 64)},
-    **{f"int{bits}_t": (FieldKind.SIGNED, bits // 8) for bits in (8, 16, 32, 64)},
-    "char": (FieldKind.TEXT, 1),
-    "signed char": (FieldKind.SIGNED, 1),
-    "unsigned char": (FieldKind.UNSIGNED, 1),
-    "short": (FieldKind.SIGNED, 2),
-    "unsigned short": (FieldKind.UNSIGNED, 2),
-    "int": (FieldKind.SIGNED, 4),
-    "unsigned": (FieldKind.UNSIGNED, 4),
-    "long": (FieldKind.SIGNED, 4),
-    "unsigned long": (FieldKind.UNSIGNED, 4),
-    "long long": (FieldKind.SIGNED, 8),
-    "unsigned long long": (FieldKind.UNSIGNED, 8),
-    "float": (FieldKind.FLOAT, 4),
-    "double": (FieldKind.FLOAT, 8),
-    "bool": (FieldKind.BOOL, 1),
-    "_Bool": (FieldKind.BOOL, 1),
-    "float32_t": (FieldKind.FLOAT, 4),
-    "float64_t": (FieldKind.FLOAT, 8),
+_SCALARS: dict[str, tuple[str, int]] = {
+    **{f"uint{bits}_t": ("u", bits // 8) for bits in (8, 16, 32, 64)},
+    **{f"int{bits}_t": ("i", bits // 8) for bits in (8, 16, 32, 64)},
+    "char": ("text", 1),
+    "signed char": ("i", 1),
+    "unsigned char": ("u", 1),
+    "short": ("i", 2),
+    "unsigned short": ("u", 2),
+    "int": ("i", 4),
+    "unsigned": ("u", 4),
+    "long": ("i", 4),
+    "unsigned long": ("u", 4),
+    "long long": ("i", 8),
+    "unsigned long long": ("u", 8),
+    "float": ("f", 4),
+    "double": ("f", 8),
+    "bool": ("bool", 1),
+    "_Bool": ("bool", 1),
+    "float32_t": ("f", 4),
+    "float64_t": ("f", 8),
 }
 UNSURE = {
     "long": "4 bytes on a 32-bit MCU, 8 on a 64-bit Linux",
@@ -57,7 +56,7 @@ class Enum:
 @dataclass(frozen=True)
 class Scalar:
     word: str
-    kind: FieldKind
+    kind: str  # its type in a protocol file, of a number without its width: `u`, `text`
     size: int
 
 

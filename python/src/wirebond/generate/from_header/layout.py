@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cache
 
 from wirebond.generate.from_header.declarations import UNSURE, Enum, Member, Scalar, Struct
-from wirebond.protocol.model import FieldKind
 
 MAX_FIELDS = 512
 
@@ -16,11 +15,12 @@ MAX_FIELDS = 512
 class Leaf:
     """One field. ``count``: its elements; None for a single value. ``rest``: it takes what is left of the payload.
 
-    ``name`` is empty for padding. ``struct`` is what a field of kind STRUCT holds.
+    ``name`` is empty for padding. ``kind`` is its type in a protocol file, of a number without its width: `u`, `text`,
+    `struct`; ``struct`` is what the last one holds.
     """
 
     name: str
-    kind: FieldKind
+    kind: str
     size: int
     count: int | None = None
     rest: bool = False
@@ -81,7 +81,7 @@ def _placed(struct: Struct) -> Iterator[tuple[Member, int, int]]:
 
 
 def _padding(size: int) -> Leaf:
-    return Leaf("", FieldKind.PADDING, size)
+    return Leaf("", "padding", size)
 
 
 def _leaf(member: Member) -> Leaf:
@@ -96,18 +96,18 @@ def _leaf(member: Member) -> Leaf:
         notes.append(f"{' x '.join(map(str, member.counts))}, row by row")
     if isinstance(of, Struct):
         size = struct_size(of)
-        return Leaf(member.name, FieldKind.STRUCT, size, count, struct=of, line=member.line, notes=tuple(notes))
+        return Leaf(member.name, "struct", size, count, struct=of, line=member.line, notes=tuple(notes))
     if isinstance(of, Enum):
         if of.size == 4:
             notes.append("an enum takes 4 bytes here; with -fshort-enums it takes fewer")
-        kind = FieldKind.SIGNED if of.signed else FieldKind.UNSIGNED
+        kind = "i" if of.signed else "u"
         return Leaf(member.name, kind, of.size, count, enum=of, line=member.line, notes=tuple(notes))
     if of.word in UNSURE:
         notes.append(f"`{of.word}`: {UNSURE[of.word]}")
     kind = of.kind
-    if kind == FieldKind.TEXT and count is None:
-        kind = FieldKind.UNSIGNED
+    if kind == "text" and count is None:
+        kind = "u"
     rest = member.counts == (0,)
-    if rest and of.size == 1 and kind == FieldKind.UNSIGNED:
-        kind = FieldKind.BYTES
+    if rest and of.size == 1 and kind == "u":
+        kind = "bytes"
     return Leaf(member.name, kind, of.size, count, rest, line=member.line, notes=tuple(notes))

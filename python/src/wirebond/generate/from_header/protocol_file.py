@@ -12,10 +12,9 @@ from wirebond.generate.from_header.declarations import Declarations, Enum, Struc
 from wirebond.generate.from_header.layout import MAX_FIELDS, Leaf, fields_of, number_of_fields, struct_size
 from wirebond.generate.from_header.preprocess import Source, preprocess, read_header, stop
 from wirebond.protocol.loader import loads
-from wirebond.protocol.model import ByteOrder, End, FieldKind, Protocol
+from wirebond.protocol.model import ByteOrder, End, Protocol
 from wirebond.protocol.spelling import number_type
 
-_LETTERS = {FieldKind.UNSIGNED: "u", FieldKind.SIGNED: "i", FieldKind.FLOAT: "f"}
 _MOST_PAYLOAD = 0xFFFF
 _REST_BYTES = 64  # for an array without a size: the header does not say
 _MAX_ENUM_NAMES = 1000  # of one enum: a protocol file has at most 20 000 values
@@ -160,7 +159,7 @@ class _Writer:
     def _fields(self, struct: Struct, indent: str) -> list[str]:
         lines = []
         leaves = fields_of(struct)
-        if any(leaf.kind == FieldKind.PADDING for leaf in leaves):
+        if any(leaf.kind == "padding" for leaf in leaves):
             lines.append(f"{indent}# The struct is not packed: `padding` stands where a 32-bit ARM's compiler puts it.")
         taken = names.Names()
         for leaf in leaves:
@@ -173,7 +172,7 @@ class _Writer:
         options = [self._kind(leaf)]
         if leaf.rest:
             options.append(f"max: {_REST_BYTES}")
-        elif leaf.kind in (FieldKind.TEXT, FieldKind.BYTES, FieldKind.PADDING):
+        elif leaf.kind in ("text", "bytes", "padding"):
             options.append(f"size: {leaf.size * (1 if leaf.count is None else leaf.count)}")
         elif leaf.count is not None and leaf.struct is None:
             options.append(f"count: {leaf.count}")
@@ -216,9 +215,7 @@ class _Writer:
 
 
 def _type(leaf: Leaf) -> str:
-    if leaf.kind in _LETTERS:
-        return number_type(_LETTERS[leaf.kind], leaf.size, ByteOrder.LITTLE)
-    return leaf.kind.value
+    return number_type(leaf.kind, leaf.size, ByteOrder.LITTLE) if leaf.kind in ("u", "i", "f") else leaf.kind
 
 
 def _is_long(enum: Enum) -> bool:

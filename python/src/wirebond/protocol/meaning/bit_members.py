@@ -62,7 +62,7 @@ class BitMembers:
             self._problems.add(node.value_place("continues"), f"no value before this one is called `{base}`; {known}")
             return False
         mine, its = syntax.type, syntaxes[base].type
-        if (mine.kind, mine.sign_magnitude) != (its.kind, its.sign_magnitude):
+        if (mine.kind, mine.coding) != (its.kind, its.coding):
             letter = its.word.rstrip("0123456789")
             self._problems.add(
                 node.value_place("type"), f"`{base}` is `{its.word}`; write `{letter}{mine.width}` here, too"

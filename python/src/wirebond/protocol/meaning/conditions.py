@@ -10,7 +10,6 @@ from wirebond.protocol.model import (
     Comparison,
     Condition,
     End,
-    FieldKind,
     HeaderField,
     Part,
     PartKind,
@@ -77,7 +76,7 @@ class _Reader:
                 f"`{field.name}` is a sequence number: the link gives it when the frame is whole already, so no part "
                 "can depend on it; name another field of the header"
             )
-        kind = "scaled" if field.value.is_scaled else "signed" if field.value.kind == FieldKind.SIGNED else ""
+        kind = "scaled" if field.value.is_scaled else "signed" if field.value.coding.is_signed else ""
         if kind and text.mask is None:
             raise Fault(f"`{field.name}` is {kind}; compare its bits, such as `{field.name} & 0x01`")
         names = dict(field.value.enum)

@@ -97,9 +97,7 @@ class Counting:
         field = self._found(name, place)
         if field is None:
             return False
-        is_plain = (
-            field.kind == FieldKind.UNSIGNED and field.digits is None and field.count is None and not field.is_list
-        )
+        is_plain = field.is_unsigned and field.digits is None and field.count is None and not field.is_list
         if (
             not is_plain
             or field.is_scaled
@@ -138,7 +136,7 @@ class Counting:
         outer, _, run = name.partition(".")
         field = self.earlier.get(outer)
         if field is not None and field.kind == FieldKind.BITS:
-            runs = {one.name: one for one in field.fields if one.kind != FieldKind.PADDING}
+            runs = {one.name: one for one in field.fields if one.has_value}
             if run in runs:
                 return runs[run]
             there = " or ".join(f"`{outer}.{one}`" for one in runs)
@@ -160,7 +158,7 @@ class Counting:
 def _paths(field: Field) -> list[str]:
     if field.kind != FieldKind.BITS:
         return [field.name]
-    return [f"{field.name}.{one.name}" for one in field.fields if one.kind != FieldKind.PADDING]
+    return [f"{field.name}.{one.name}" for one in field.fields if one.has_value]
 
 
 def mark_counts(fields: dict[str, Field]) -> dict[str, Field]:

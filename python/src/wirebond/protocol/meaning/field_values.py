@@ -7,7 +7,7 @@ import sys
 from fractions import Fraction
 
 from wirebond.protocol.decimals import decimal_text
-from wirebond.protocol.model import INTEGERS, Default, Field, FieldKind
+from wirebond.protocol.model import Default, Field, FieldKind
 from wirebond.protocol.problems import quoted, suggestion
 
 F64_MAX = Fraction(sys.float_info.max)
@@ -22,7 +22,7 @@ _Fitted = tuple[Default | None, str]
 
 def wire_limits(field: Field) -> tuple[Fraction, Fraction]:
     """Least and greatest number on the wire."""
-    if field.kind in INTEGERS:
+    if field.is_integer:
         least, greatest = field.whole_limits
         return Fraction(least), Fraction(greatest)
     most = F32_MAX if field.size == 4 else F64_MAX
@@ -143,7 +143,7 @@ def _fit_number(field: Field, value: Fraction) -> tuple[float | int | None, str]
             None,
             f"{number_text(value)} does not fit `{field.name}`, which takes values {limits}; choose one in that range",
         )
-    if field.kind in INTEGERS and not field.is_scaled:
+    if field.is_integer and not field.is_scaled:
         if value.denominator != 1:
             return (
                 None,
@@ -168,7 +168,7 @@ def has_default(field: Field) -> bool:
     """Is its value settled where nobody gives one?"""
     if field.fields and not field.is_list:
         return all(has_default(member) for member in field.fields)
-    return field.default is not None or field.is_count or field.kind == FieldKind.PADDING
+    return field.default is not None or field.is_count or not field.has_value
 
 
 def settled(fields: tuple[Field, ...]) -> set[str]:

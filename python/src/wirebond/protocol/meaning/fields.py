@@ -19,14 +19,14 @@ from wirebond.protocol.meaning.field_values import (
     value_limits,
     wire_limits,
 )
-from wirebond.protocol.model import INTEGERS, NUMBERS, ByteOrder, Field, FieldKind, OnRange
+from wirebond.protocol.model import NUMBERS, UNSIGNED, ByteOrder, Field, FieldKind, OnRange
 from wirebond.protocol.problems import Place, Problems
 from wirebond.protocol.text.field_grammar import (
     BitFieldSyntax,
     NumberSyntax,
     ValueSyntax,
 )
-from wirebond.protocol.text.field_types import MOST_BCD_BITS
+from wirebond.protocol.text.field_types import most_bits
 from wirebond.protocol.text.scalars import WireType
 from wirebond.protocol.text.yaml_tree import Mapping, Scalar
 
@@ -38,28 +38,28 @@ _MOST_STEPS = 2**48
 MAX_CONSTANT = 64  # bytes of the constants of one message
 STRINGS = (FieldKind.TEXT, FieldKind.BYTES)
 
-# Which options have a meaning for which types. The others are refused rather than ignored.
-_OPTIONS: tuple[tuple[str, tuple[FieldKind, ...], str], ...] = (
-    ("count", (*NUMBERS, FieldKind.BOOL), "numbers and bool; give a text its bytes with `size` or `max`"),
-    ("packed", (*INTEGERS, FieldKind.BOOL), "whole numbers and bool; remove it"),
-    ("size", (*STRINGS, FieldKind.PADDING), "text, bytes and padding; for an array of numbers write `count`"),
-    ("ends_with", STRINGS, "text and bytes; remove it"),
-    ("scale", NUMBERS, "numbers; remove it"),
-    ("offset", NUMBERS, "numbers; remove it"),
-    ("unit", NUMBERS, "numbers; remove it"),
-    ("range", NUMBERS, "numbers; remove it"),
-    ("enum", INTEGERS, "whole numbers; take u8, or remove it"),
-    ("flags", (FieldKind.UNSIGNED,), "unsigned whole numbers; take u8, or remove it"),
-    ("default", (*NUMBERS, FieldKind.BOOL, *STRINGS), "values, and padding has none; remove it"),
+# Which options have a meaning for which types: see `_sorts`. The others are refused rather than ignored.
+_OPTIONS: tuple[tuple[str, tuple[str, ...], str], ...] = (
+    ("count", ("number", "bool"), "numbers and bool; give a text its bytes with `size` or `max`"),
+    ("packed", ("integer", "bool"), "whole numbers and bool; remove it"),
+    ("size", ("string", "padding"), "text, bytes and padding; for an array of numbers write `count`"),
+    ("ends_with", ("string",), "text and bytes; remove it"),
+    ("scale", ("number",), "numbers; remove it"),
+    ("offset", ("number",), "numbers; remove it"),
+    ("unit", ("number",), "numbers; remove it"),
+    ("range", ("number",), "numbers; remove it"),
+    ("enum", ("integer",), "whole numbers; take u8, or remove it"),
+    ("flags", ("unsigned",), "unsigned whole numbers; take u8, or remove it"),
+    ("default", ("number", "bool", "string"), "values, and padding has none; remove it"),
     (
         "constant",
-        (*INTEGERS, FieldKind.BOOL, *STRINGS),
+        ("integer", "bool", "string"),
         "whole numbers, bool, text and bytes; for padding write `must_be_zero: true`",
     ),
-    ("must_be_zero", (FieldKind.PADDING,), "padding; for a number write `constant: 0`"),
+    ("must_be_zero", ("padding",), "padding; for a number write `constant: 0`"),
     (
         "text",
-        (FieldKind.UNSIGNED, FieldKind.SIGNED),
+        ("unsigned", "signed", "sign_magnitude"),
         "whole numbers, such as u16 and i32; for one with a point write i32 and `decimals: 2`",
     ),
 )
@@ -70,6 +70,18 @@ _NOT_CONSTANT = (
     "count", "packed", "max", "ends_with", "scale", "offset", "unit", "range", "on_range", "default", "enum", "flags",
     "clock",
 )  # fmt: skip
+
+
+def _sorts(wire_type: WireType) -> set[str]:
+    """What a type is, for `_OPTIONS`: its kind, its coding, a number, a string."""
+    found = {wire_type.kind.value}
+    if wire_type.is_integer:
+        found.add(wire_type.coding.name)
+    if wire_type.kind in NUMBERS:
+        found.add("number")
+    if wire_type.kind in STRINGS:
+        found.add("string")
+    return found
 
 
 def read_bit_field(
@@ -102,7 +114,7 @@ class ValueReader:
         return {
             "name": name,
             "kind": self._type.kind,
-            "sign_magnitude": self._type.sign_magnitude,
+            "coding": self._type.coding,
             "scale": Fraction(1) if syntax.scale is None else syntax.scale,
             "offset": Fraction(0) if syntax.offset is None else syntax.offset,
             "unit": syntax.unit or "",
@@ -142,9 +154,11 @@ class ValueReader:
         return self._good
 
     def _validate_options(self) -> None:
-        syntax, kind = self._syntax, self._type.kind
-        for option, kinds, whose in _OPTIONS:
-            is_allowed = kind in kinds or (option in _OF_CHARACTERS and getattr(syntax, "text", None) is not None)
+        syntax, sorts = self._syntax, _sorts(self._type)
+        for option, wanted, whose in _OPTIONS:
+            is_allowed = not sorts.isdisjoint(wanted) or (
+                option in _OF_CHARACTERS and getattr(syntax, "text", None) is not None
+            )
             if getattr(syntax, option, None) is not None and not is_allowed:
                 self._wrong(self._node.key_place(option), f"`{option}` is for {whose}")
         for one, other in (("enum", "flags"), ("enum", "range"), ("flags", "range")):
@@ -194,7 +208,7 @@ class ValueReader:
     def _validate_scale(self, field: Field) -> None:
         if field.scale == 0:
             self._wrong(self._node.value_place("scale"), "a scale of 0 would make every value the same; write another")
-        elif field.kind in NUMBERS and field.is_scaled:
+        elif field.is_number and field.is_scaled:
             for option, fault in _scale_faults(field):
                 self._wrong(self._node.value_place(option), fault)
 
@@ -218,7 +232,7 @@ class ValueReader:
                 self._wrong(
                     place, f"{number_text(bound)} does not fit: {_capacity(field, self._type)}; narrow the range"
                 )
-        if fits and field.kind in INTEGERS:
+        if fits and field.is_integer:
             ends = sorted(((least - field.offset) / field.scale, (greatest - field.offset) / field.scale))
             if math.ceil(ends[0]) > math.floor(ends[1]):
                 self._wrong(place, "no number on the wire has a value in this range; widen it, or take a finer scale")
@@ -262,24 +276,24 @@ class ValueReader:
 
 
 def _with_range_of_digits(field: Field) -> Field:
-    """Decimal digits have a range of their own, so that a receiver refuses what is no digit: see `Field.bcd_end`."""
-    if field.kind != FieldKind.BCD or field.enum or field.minimum is not None:
+    """Decimal digits have a range of their own, so that a receiver refuses what is no digit: see `Coding.gaps`."""
+    if not field.coding.gaps or field.enum or field.minimum is not None:
         return field
     least, greatest = value_limits(field)
     return replace(field, minimum=float(least), maximum=float(greatest))
 
 
 def _as_constant(field: Field, wire: int) -> Field:
-    return replace(field, kind=FieldKind.PADDING, constant=wire, sign_magnitude=False)
+    return replace(field, kind=FieldKind.PADDING, constant=wire, coding=UNSIGNED)
 
 
 def _scale_faults(field: Field) -> Iterator[tuple[str, str]]:
     """What scale and offset make of the numbers on the wire, where that is more than a float of their type can hold."""
     greatest = max(abs(bound) for bound in value_limits(field))
-    if field.kind != FieldKind.FLOAT and greatest > F64_MAX:
+    if not field.is_float and greatest > F64_MAX:
         yield "scale", "with this scale the greatest value is beyond a double; scale less"
         return
-    if field.kind == FieldKind.FLOAT and field.size == 4:
+    if field.is_float and field.size == 4:
         for option, number in (("scale", field.scale), ("offset", field.offset)):
             if number and not F32_MIN <= abs(number) <= F32_MAX:
                 yield (
@@ -314,11 +328,11 @@ class _BitFieldReader(ValueReader):
 
     def _validate_continued(self, name: str, continued: int) -> None:
         assert isinstance(self._syntax, BitFieldSyntax)
-        if self._type.kind not in INTEGERS or self._syntax.constant is not None:
+        if not self._type.is_integer or self._syntax.constant is not None:
             sentence = f"`{name}` is no whole number of its own, so nothing continues it; take `u4`"
             self._wrong(self._node.value_place("type"), sentence)
             return
-        most = MOST_BCD_BITS if self._type.kind == FieldKind.BCD else 64
+        most = most_bits(self._type.coding)
         total = self._type.width + continued
         if total > most:
             self._wrong(self._node.value_place("type"), f"`{name}` has {total} bits in all; it can have {most} at most")

@@ -29,7 +29,6 @@ from wirebond.protocol.model import (
     BitRole,
     Bits,
     ByteOrder,
-    FieldKind,
     HeaderField,
     Part,
     PartKind,
@@ -241,7 +240,7 @@ class _FrameReader:
         what = named.get(run.role, f"a run `{run.role}`")
         for option in meaning_given(syntax):
             self._wrong(node.key_place(option), f"`{option}` is for header fields, and this is {what}; remove it")
-        if syntax.type is not None and syntax.type.kind != FieldKind.UNSIGNED:
+        if syntax.type is not None and not syntax.type.is_unsigned:
             self._wrong(node.value_place("type"), f"{what} is unsigned; write `bits: {run.width}`")
         if run.role in (BitRole.ID, BitRole.LENGTH) and run.width > MOST_ID_BITS:
             self._wrong(place, f"{what} has at most {MOST_ID_BITS} bits; take fewer")

@@ -41,7 +41,7 @@ class ValueReader:
         :param places: the mapping in which each name of ``given`` stands.
         :param at: of the whole message.
         """
-        known = {field.name: field for field in fields if field.kind != FieldKind.PADDING}
+        known = {field.name: field for field in fields if field.has_value}
         missing = [name for name in known if name not in given and name not in settled(fields)]
         if missing:
             self._report_missing(owner, missing, known[missing[0]], at)
@@ -96,7 +96,7 @@ class ValueReader:
                 return ValueReader(self.what, self.problems).message(
                     field.name, field.fields, wanted, dict.fromkeys(wanted, node), place
                 )
-            names = ", ".join(inner.name for inner in field.fields if inner.kind != FieldKind.PADDING)
+            names = ", ".join(inner.name for inner in field.fields if inner.has_value)
             self.problems.add(place, f"`{field.name}` has fields; write a mapping of {names}")
             return None
         value, fault = _fitted(field, wanted)
@@ -134,7 +134,7 @@ def _example(field: Field) -> str:
 def _one(field: Field) -> str:
     if field.fields:
         inner = [one for one in field.fields if one.name not in settled(field.fields)] or [
-            one for one in field.fields if one.kind != FieldKind.PADDING and not one.is_count
+            one for one in field.fields if one.has_value and not one.is_count
         ]
         return "{" + ", ".join(f"{one.name}: {_example(one)}" for one in inner) + "}"
     if field.enum:

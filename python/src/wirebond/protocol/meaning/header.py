@@ -43,7 +43,7 @@ def meaning_given(syntax: HeaderSyntax) -> list[str]:
 def sequence_field(
     name: str, size: int, bits: int, per: str | None, order: ByteOrder = ByteOrder.LITTLE
 ) -> HeaderField:
-    value = Field(name, FieldKind.UNSIGNED, size, order, bits=bits)
+    value = Field(name, FieldKind.INTEGER, size, order, bits=bits)
     return HeaderField(value, is_sequence=True, per_message=per == "message")
 
 
@@ -79,7 +79,7 @@ def magic_field(parts: tuple[Part, ...]) -> HeaderField | None:
         return None
     host, mcu = (int.from_bytes(values[0], "big") if values else 0 for values in of_end.values())
     size = len(next(value for values in of_end.values() for value in values))
-    return HeaderField(Field("magic", FieldKind.UNSIGNED, size, ByteOrder.BIG), host, mcu)
+    return HeaderField(Field("magic", FieldKind.INTEGER, size, ByteOrder.BIG), host, mcu)
 
 
 class _HeaderReader(ValueReader):

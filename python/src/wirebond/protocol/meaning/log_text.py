@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from wirebond.protocol import names
-from wirebond.protocol.model import Field, FieldKind
+from wirebond.protocol.model import Field
 from wirebond.protocol.problems import quoted, suggestion
 
 
@@ -59,7 +59,7 @@ def log_fault(text: str, fields: Sequence[Field] | None) -> str:
         return str(error)
     if fields is None:
         return ""
-    values = [field.name for field in fields if field.kind != FieldKind.PADDING]
+    values = [field.name for field in fields if field.has_value]
     for piece in pieces:
         if isinstance(piece, Shown) and piece.field not in values:
             return f"there is no field `{piece.field}` to show here; {suggestion(piece.field, values)}"

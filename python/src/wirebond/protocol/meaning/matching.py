@@ -133,7 +133,7 @@ class _Reader:
             raise Fault(f"`{field.name}` counts frames, so that it tells no message; match another field")
         if field.address is not None:
             raise Fault(f"`{field.name}` is an address, so that it tells no message; match another field")
-        kind = "scaled" if field.value.is_scaled else "signed" if field.value.kind == FieldKind.SIGNED else ""
+        kind = "scaled" if field.value.is_scaled else "signed" if field.value.coding.is_signed else ""
         if kind and text.mask is None:
             raise Fault(f"`{field.name}` is {kind}; match its bits, such as `{{mask: 0x80, value: 0x80}}`")
         ranges = ranges_of(text, field.value.width, dict(field.value.enum), f"`{field.name}`")
@@ -235,9 +235,9 @@ def _with_ids(draft: Draft, matched: list[tuple[Entry, Message]], problems: Prob
     wholes = [part for part in draft.parts if part.kind == PartKind.ID]
     if wholes:  # of several in parts that exclude each other the widest
         widest = max(wholes, key=lambda part: part.size)
-        field = HeaderField(Field(ID, FieldKind.UNSIGNED, widest.size, widest.order))
+        field = HeaderField(Field(ID, FieldKind.INTEGER, widest.size, widest.order))
     else:
-        field = HeaderField(Field(ID, FieldKind.UNSIGNED, 0, bits=draft.id_bits))
+        field = HeaderField(Field(ID, FieldKind.INTEGER, 0, bits=draft.id_bits))
 
     def with_field(part: Part) -> Part:
         runs = tuple(replace(run, header=field) if run.role == BitRole.ID else run for run in part.bits)

@@ -9,7 +9,7 @@ from wirebond.protocol import names
 from wirebond.protocol.matching import id_key
 from wirebond.protocol.meaning.log_text import log_fault
 from wirebond.protocol.meaning.structs import Types, read_fields
-from wirebond.protocol.model import End, Field, FieldKind, LogLevel, Message, Queue
+from wirebond.protocol.model import End, Field, LogLevel, Message, Queue
 from wirebond.protocol.plan import NO_ID
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.text.grammar import MessageHead
@@ -153,13 +153,7 @@ def _validate_asked(entry: Entry, message: Message, messages: Messages, problems
             )
         for request in requests:
             asking = next((field for field in request.fields if field.name == one.asked_by), None)
-            if (
-                asking is None
-                or asking.kind != FieldKind.UNSIGNED
-                or asking.count
-                or asking.is_list
-                or asking.is_scaled
-            ):
+            if asking is None or not asking.is_unsigned or asking.count or asking.is_list or asking.is_scaled:
                 problems.add(
                     place,
                     f"`{request.name}`, which asks for this reply, has no whole number `{one.asked_by}`; add it there: "

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from wirebond.protocol.meaning.counts import Amount, Counting
 from wirebond.protocol.meaning.fields import MAX_CONSTANT, STRINGS, ValueReader
-from wirebond.protocol.model import BitOrder, ByteOrder, Digits, End, Field, FieldKind
+from wirebond.protocol.model import SIGN_MAGNITUDE, BitOrder, ByteOrder, Digits, End, Field, FieldKind
 from wirebond.protocol.problems import Problems
 from wirebond.protocol.stamps import stamp_fault
 from wirebond.protocol.text.field_grammar import TO_END, CountSyntax, PlainSyntax
@@ -96,15 +96,20 @@ class _PlainReader(ValueReader):
         for option in _NOT_IN_CHARACTERS:
             if getattr(syntax, option) is not None:
                 self._wrong(node.key_place(option), f"`{option}` cannot stand beside `text`; remove one of the two")
-        if wire_type.order is not None or wire_type.sign_magnitude or wire_type.bits or wire_type.width > _MOST_BITS:
-            sign = "i" if wire_type.kind == FieldKind.SIGNED else "u"
+        if (
+            wire_type.order is not None
+            or wire_type.coding == SIGN_MAGNITUDE
+            or wire_type.bits
+            or wire_type.width > _MOST_BITS
+        ):
+            sign = "i" if wire_type.is_signed else "u"
             width = min(-(-wire_type.width // 8) * 8, _MOST_BITS)
             self._wrong(
                 node.value_place("type"),
                 f"{wire_type.word} says how bits lie, or has more than {_MOST_BITS}, and only digits are sent here; "
                 f"write `{sign}{width}`",
             )
-        if digits.base == 16 and wire_type.kind == FieldKind.SIGNED:
+        if digits.base == 16 and wire_type.is_signed:
             self._wrong(node.value_place("type"), f"hex digits have no sign; write `u{wire_type.width}`")
         if digits.base == 16 and digits.decimals:
             self._wrong(node.key_place("decimals"), "hex digits have no point; remove it, or write `text: decimal`")

@@ -14,7 +14,6 @@ from wirebond.protocol.model import (
     Deadline,
     End,
     Field,
-    FieldKind,
     GivenMessage,
     Message,
     Recover,
@@ -186,18 +185,18 @@ class _Role:
     service: str
     role: str
     sender: End
-    fields: tuple[tuple[str, tuple[FieldKind, ...]], ...]
+    fields: tuple[tuple[str, tuple[str, ...]], ...]  # each with its kinds, as `_kind` says them
 
 
-_WHOLE = (FieldKind.UNSIGNED,)
-_ANY = (FieldKind.UNSIGNED, FieldKind.SIGNED, FieldKind.FLOAT)
+_WHOLE = ("unsigned",)
+_ANY = ("unsigned", "signed", "float")
 _ROLES = (
     _Role("hello", "message", End.BOTH, (("protocol_hash", _WHOLE), ("version", _WHOLE))),
     _Role("ping", "request", End.HOST, (("number", _WHOLE),)),
     _Role("ping", "reply", End.MCU, (("number", _WHOLE),)),
     _Role("clock", "request", End.HOST, (("host_us", _WHOLE),)),
     _Role("clock", "reply", End.MCU, (("host_us", _WHOLE), ("received_us", _WHOLE), ("sent_us", _WHOLE))),
-    _Role("log", "message", End.MCU, (("level", _WHOLE), ("text", (FieldKind.TEXT,)))),
+    _Role("log", "message", End.MCU, (("level", _WHOLE), ("text", ("text",)))),
     _Role("parameter", "read", End.HOST, (("index", _WHOLE),)),
     _Role("parameter", "set", End.HOST, (("index", _WHOLE), ("value", _ANY))),
     _Role("parameter", "value", End.MCU, (("index", _WHOLE), ("value", _ANY), ("result", _WHOLE))),
@@ -222,6 +221,13 @@ def read_services(node: Node | None, messages: Messages, problems: Problems) -> 
     return tuple(services)
 
 
+def _kind(field: Field) -> str:
+    """What a service may ask of a field."""
+    if not field.is_integer:
+        return field.kind.value
+    return "signed" if field.coding.is_signed else field.coding.name
+
+
 def _validate_role(expected: _Role, name: str, node: Mapping, messages: Messages, problems: Problems) -> None:
     place = node.value_place(expected.role)
     entry = _find(name, place, messages, problems)
@@ -242,7 +248,7 @@ def _validate_role(expected: _Role, name: str, node: Mapping, messages: Messages
         field = fields.get(field_name)
         if field is None:
             problems.add(place, f"`{expected.service}` needs a field `{field_name}` in `{name}`; add it there")
-        elif field.kind not in kinds or field.count is not None or field.is_list or field.is_scaled:
+        elif _kind(field) not in kinds or field.count is not None or field.is_list or field.is_scaled:
             problems.add(
                 place,
                 f"`{expected.service}` needs `{field_name}` in `{name}` to be one unscaled value of kind "
@@ -267,7 +273,7 @@ def _validate_counters(message: Message, fields: tuple[Field, ...], place: Place
         )
     for field in counters:
         is_single = field.count is None and not field.is_list
-        if field.kind != FieldKind.UNSIGNED or not is_single or field.is_scaled or field.enum or field.flags:
+        if not field.is_unsigned or not is_single or field.is_scaled or field.enum or field.flags:
             problems.add(
                 place,
                 f"the counter `{field.name}` in `{message.name}` is no plain unsigned integer; give it the type u32",

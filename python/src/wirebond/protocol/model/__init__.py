@@ -3,8 +3,8 @@
 Nothing here reads a file, and nothing here knows how a frame is found or laid out in memory (see ``plan``).
 """
 
+from wirebond.protocol.model.codings import BCD, CODINGS, SIGN_MAGNITUDE, TWOS_COMPLEMENT, UNSIGNED, Coding
 from wirebond.protocol.model.fields import (
-    INTEGERS,
     NUMBERS,
     BitOrder,
     ByteOrder,
@@ -58,11 +58,15 @@ from wirebond.protocol.model.protocol import (
 )
 
 __all__ = [
-    "INTEGERS",
+    "BCD",
+    "CODINGS",
     "MAX_LATENCY",
     "NUMBERS",
     "PAUSE_MARGIN",
     "SENDER_NUMBERS",
+    "SIGN_MAGNITUDE",
+    "TWOS_COMPLEMENT",
+    "UNSIGNED",
     "Address",
     "Algorithm",
     "BitOrder",
@@ -70,6 +74,7 @@ __all__ = [
     "Bits",
     "ByteOrder",
     "CheckKind",
+    "Coding",
     "Comparison",
     "Condition",
     "Deadline",

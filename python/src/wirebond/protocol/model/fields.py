@@ -7,6 +7,8 @@ from enum import StrEnum
 from fractions import Fraction
 from math import copysign, floor, lcm
 
+from wirebond.protocol.model.codings import UNSIGNED, Coding
+
 
 class End(StrEnum):
     """One of the two computers; the sender of a message is one, or both."""
@@ -29,9 +31,7 @@ class BitOrder(StrEnum):
 
 
 class FieldKind(StrEnum):
-    UNSIGNED = "unsigned"
-    SIGNED = "signed"
-    BCD = "bcd"  # not negative, and in decimal digits of four bits each
+    INTEGER = "integer"  # a whole number on the wire, in one of `codings`
     FLOAT = "float"
     BOOL = "bool"
     TEXT = "text"  # UTF-8
@@ -41,8 +41,7 @@ class FieldKind(StrEnum):
     STRUCT = "struct"  # ``fields``, once or several times
 
 
-INTEGERS = (FieldKind.UNSIGNED, FieldKind.SIGNED, FieldKind.BCD)
-NUMBERS = (*INTEGERS, FieldKind.FLOAT)
+NUMBERS = (FieldKind.INTEGER, FieldKind.FLOAT)
 
 
 @dataclass(frozen=True)
@@ -106,7 +105,7 @@ class Field:
     bits: int = 0  # of one element, where that does not begin and end with a byte: a bit field, a packed element
     split: tuple[tuple[int, int], ...] = ()  # of a bit field: lowest bit and width of each of its pieces, lowest first
     own_bits: int = 0  # of these, those of the piece that stands at its own place; 0: all
-    sign_magnitude: bool = False  # the top bit is the sign, the others the amount
+    coding: Coding = UNSIGNED  # of kind INTEGER
     packed: BitOrder | None = None  # elements follow each other bit by bit, from this bit of each byte on
     first: BitOrder = BitOrder.LOW  # of kind BITS: where its first field lies
     fields: tuple[Field, ...] = ()  # of kinds BITS and STRUCT
@@ -148,7 +147,7 @@ class Field:
         """Are all whole numbers exact in a double, between a wire number and its value?"""
         numerator, addend, denominator = self.common_factors
         largest = self._span * abs(numerator) + abs(addend)
-        return self.kind != FieldKind.FLOAT and max(largest, denominator) <= 2**53
+        return not self.is_float and max(largest, denominator) <= 2**53
 
     @property
     def double_factors(self) -> tuple[Fraction | int, int, int, Fraction | int]:
@@ -174,7 +173,7 @@ class Field:
     @property
     def double_slack(self) -> Fraction | int:
         """How far a double may lie beyond a bound, and be taken for the bound itself."""
-        return 0 if self.kind == FieldKind.FLOAT or self.is_exact_in_double else self.lost_digits(53)
+        return 0 if self.is_float or self.is_exact_in_double else self.lost_digits(53)
 
     @property
     def width(self) -> int:
@@ -184,24 +183,43 @@ class Field:
     @property
     def _span(self) -> int:
         """More than the difference of any two whole numbers on the wire."""
-        return self.bcd_end if self.kind == FieldKind.BCD else 1 << self.width
+        least, greatest = self.coding.limits(self.width)
+        return greatest - least + 1
 
     @property
-    def bcd_end(self) -> int:
-        """The number behind the greatest one of kind BCD. It also stands for digits above 9, which are no number."""
-        return int(10 ** (self.width // 4))
+    def has_value(self) -> bool:
+        """Has it a value that programs see? Padding and constants have none."""
+        return self.kind != FieldKind.PADDING
+
+    @property
+    def is_number(self) -> bool:
+        return self.kind in NUMBERS
+
+    @property
+    def is_integer(self) -> bool:
+        """Is it a whole number on the wire?"""
+        return self.kind == FieldKind.INTEGER
+
+    @property
+    def is_unsigned(self) -> bool:
+        """Is it a plain binary number without a sign?"""
+        return self.is_integer and self.coding == UNSIGNED
+
+    @property
+    def is_float(self) -> bool:
+        return self.kind == FieldKind.FLOAT
+
+    @property
+    def is_whole(self) -> bool:
+        """Is its value a whole number?"""
+        return self.is_integer and not self.is_scaled
 
     def wire_bits(self, value: float | int | str) -> int:
         """The bits on the wire of one integer's value, at the bottom. The value fits: see ``field_values``.
 
         A scaled value becomes a whole number as in the engine: with the same doubles, halves away from zero.
         """
-        number = self.wire_number(value)
-        if self.kind == FieldKind.BCD:
-            return int(str(number), 16)
-        if self.sign_magnitude and number < 0:
-            return 1 << (self.width - 1) | -number
-        return number & ((1 << self.width) - 1)
+        return self.coding.bits_of(self.wire_number(value), self.width)
 
     def wire_number(self, value: float | int | str) -> int:
         """The whole number on the wire of one integer's value. The value fits: see ``field_values``."""
@@ -230,13 +248,7 @@ class Field:
     @property
     def whole_limits(self) -> tuple[int, int]:
         """Least and greatest whole number of an integer on the wire."""
-        if self.kind == FieldKind.BCD:
-            return 0, self.bcd_end - 1
-        if self.kind == FieldKind.UNSIGNED:
-            least, greatest = 0, (1 << self.width) - 1
-        else:
-            greatest = (1 << (self.width - 1)) - 1
-            least = -greatest - (not self.sign_magnitude)
+        least, greatest = self.coding.limits(self.width)
         if self.digits is None:
             return least, greatest
         fits = [self.digits.greatest(self.room, signed=signed) for signed in (True, False)]

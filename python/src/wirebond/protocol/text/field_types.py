@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, PlainValidator
 
-from wirebond.protocol.model import FieldKind
+from wirebond.protocol.model import BCD, CODINGS, SIGN_MAGNITUDE, TWOS_COMPLEMENT, UNSIGNED, Coding, FieldKind
 from wirebond.protocol.problems import quoted
 from wirebond.protocol.text.scalars import FOREIGN_TYPES, WireType, both_orders, describe, wrong
 
-_INTEGERS = {"u": FieldKind.UNSIGNED, "i": FieldKind.SIGNED, "s": FieldKind.SIGNED}
-_ANY_WIDTH = re.compile(r"([uis]|bcd)([1-9][0-9]?)")
-_BINARY = r"u([1-9]|[1-5][0-9]|6[0-4])|[is]([2-9]|[1-5][0-9]|6[0-4])"
-_DECIMAL = r"bcd([48]|[135][26]|[24][048]|60)"
-MOST_BCD_BITS = 60  # a double has all numbers of 15 digits
+# The widths of each coding, in bits, as a regular expression: with a sign 2 at least, and of decimal digits 4 for each.
+_UP_TO_64 = "[1-5][0-9]|6[0-4]"
+_WIDTHS = {
+    UNSIGNED: f"[1-9]|{_UP_TO_64}",
+    TWOS_COMPLEMENT: f"[2-9]|{_UP_TO_64}",
+    SIGN_MAGNITUDE: f"[2-9]|{_UP_TO_64}",
+    BCD: "[48]|[135][26]|[24][048]|60",  # a double has all numbers of 15 digits
+}
 _POSSIBLE = (
     "u8, i8 and s8 to u64, i64 and s64 in steps of 8 bits, bcd8 to bcd56 (two decimal digits in each byte), f32, f64, "
     "bool, text, bytes, padding"
@@ -23,14 +27,28 @@ _POSSIBLE = (
 _ORDERS = "`le` or `be` behind a number's type sets its byte order"
 
 
+def _widths(coding: Coding) -> list[int]:
+    """Return the widths that a number of this coding may have, in bits."""
+    return [bits for bits in range(1, 65) if re.fullmatch(_WIDTHS[coding], str(bits))]
+
+
+def most_bits(coding: Coding) -> int:
+    """Return the most bits that a number of this coding may have."""
+    return _widths(coding)[-1]
+
+
+def _pattern(codings: Iterable[Coding]) -> str:
+    """Return a regular expression for numbers of these codings and of any width."""
+    return f"^({'|'.join(f'{coding.letters}({_WIDTHS[coding]})' for coding in codings)})$"
+
+
 def _whole_types() -> dict[str, WireType]:
     """Types that begin and end with a byte."""
     table: dict[str, WireType] = {}
-    for letter, kind in _INTEGERS.items():
-        for size in range(1, 9):
-            table |= both_orders(f"{letter}{8 * size}", kind, size, sign_magnitude=letter == "s")
-    for size in range(1, 8):
-        table |= both_orders(f"bcd{8 * size}", FieldKind.BCD, size)
+    for coding in CODINGS:
+        for bits in _widths(coding):
+            if bits % 8 == 0:
+                table |= both_orders(f"{coding.letters}{bits}", FieldKind.INTEGER, bits // 8, coding)
     for size in (4, 8):
         table |= both_orders(f"f{8 * size}", FieldKind.FLOAT, size)
     table["bool"] = WireType("bool", FieldKind.BOOL, 1)
@@ -40,38 +58,24 @@ def _whole_types() -> dict[str, WireType]:
 
 
 _WHOLE_TYPES = _whole_types()
-_WHOLE_INTEGERS = {word: t for word, t in _WHOLE_TYPES.items() if t.kind in (FieldKind.UNSIGNED, FieldKind.SIGNED)}
-_CONTAINER_TYPES = {word: t for word, t in _WHOLE_TYPES.items() if t.kind == FieldKind.UNSIGNED}
-
-
-def _any_width(word: str) -> WireType | None:
-    """An integer of 1 to 64 bits; with a sign it has 2 at least, and in decimal digits 4 for each."""
-    match = _ANY_WIDTH.fullmatch(word)
-    if match is None:
-        return None
-    letter, bits = match[1], int(match[2])
-    if letter == "bcd":
-        return _bcd(word, bits)
-    if bits > 64 or (bits == 1 and letter != "u"):
-        return None
-    if bits % 8 == 0:
-        return _WHOLE_TYPES[word]
-    return WireType(word, _INTEGERS[letter], 0, bits=bits, sign_magnitude=letter == "s")
-
-
-def _bcd(word: str, bits: int) -> WireType | None:
-    if bits % 4 or bits > MOST_BCD_BITS:
-        return None
-    return _WHOLE_TYPES.get(word) or WireType(word, FieldKind.BCD, 0, bits=bits)
+_ANY_WIDTH = {
+    f"{coding.letters}{bits}": WireType(f"{coding.letters}{bits}", FieldKind.INTEGER, 0, bits=bits, coding=coding)
+    for coding in CODINGS
+    for bits in _widths(coding)
+    if bits % 8
+}
+_IN_HEADERS = [coding for coding in CODINGS if coding.is_binary]
+_WHOLE_INTEGERS = {word: t for word, t in _WHOLE_TYPES.items() if t.is_integer and t.coding in _IN_HEADERS}
+_CONTAINER_TYPES = {word: t for word, t in _WHOLE_TYPES.items() if t.is_unsigned}
 
 
 def _field_type(value: object) -> WireType:
     if not isinstance(value, str):
         raise wrong(f"{describe(value)} is not a type; possible: {_POSSIBLE}; {_ORDERS}")
-    found = _WHOLE_TYPES.get(value) or _any_width(value)
+    found = _WHOLE_TYPES.get(value) or _ANY_WIDTH.get(value)
     if found is not None:
         return found
-    if value.endswith(("le", "be")) and (_WHOLE_TYPES.get(value[:-2]) or _any_width(value[:-2])) is not None:
+    if value.endswith(("le", "be")) and (_WHOLE_TYPES.get(value[:-2]) or _ANY_WIDTH.get(value[:-2])) is not None:
         raise wrong(f"{quoted(value)} has no byte order to choose; write `{value[:-2]}`")
     known = FOREIGN_TYPES.get(value.lower())
     if value.lower() == "char":
@@ -83,7 +87,7 @@ def _field_type(value: object) -> WireType:
 
 def _bit_type(value: object) -> WireType:
     possible = "possible: u1 to u64, i2 to i64, s2 to s64, bcd4 to bcd60 in steps of 4, bool, padding"
-    found = (_WHOLE_TYPES.get(value) or _any_width(value)) if isinstance(value, str) else None
+    found = (_WHOLE_TYPES.get(value) or _ANY_WIDTH.get(value)) if isinstance(value, str) else None
     if found is None or found.order is not None or found.kind in (FieldKind.FLOAT, FieldKind.TEXT, FieldKind.BYTES):
         raise wrong(f"{describe(value)} is not a type of a bit field; {possible}")
     return found
@@ -97,12 +101,12 @@ def _container_type(value: object) -> WireType:
 
 def is_field_type(word: str) -> bool:
     """Whether the word is a type, such as `u16be`, `i5` or `text`."""
-    return word in _WHOLE_TYPES or _any_width(word) is not None
+    return word in _WHOLE_TYPES or word in _ANY_WIDTH
 
 
 def wire_type(word: str) -> WireType:
     """The type of a word that is one: `u16be`, `i5`."""
-    found = _WHOLE_TYPES.get(word) or _any_width(word)
+    found = _WHOLE_TYPES.get(word) or _ANY_WIDTH.get(word)
     assert found is not None, word
     return found
 
@@ -124,15 +128,15 @@ def _header_type(value: object) -> WireType:
 
 def _run_type(value: object) -> WireType:
     """A header field among bits."""
-    found = (_WHOLE_INTEGERS.get(value) or _any_width(value)) if isinstance(value, str) else None
-    if found is None or found.order is not None or found.kind == FieldKind.BCD:
+    found = (_WHOLE_INTEGERS.get(value) or _ANY_WIDTH.get(value)) if isinstance(value, str) else None
+    if found is None or found.order is not None or found.coding not in _IN_HEADERS:
         raise wrong(f"{describe(value)} is not a type of a run of bits; possible: u1 to u64, i2 to i64, s2 to s64")
     return found
 
 
 TypeWord: Any = Literal[tuple(_WHOLE_TYPES)]
-_WidthText = Annotated[str, Field(pattern=f"^({_BINARY}|{_DECIMAL})$")]
-_RunText = Annotated[str, Field(pattern=f"^({_BINARY})$")]
+_WidthText = Annotated[str, Field(pattern=_pattern(CODINGS))]
+_RunText = Annotated[str, Field(pattern=_pattern(_IN_HEADERS))]
 FieldType = Annotated[
     WireType,
     PlainValidator(_field_type, json_schema_input_type=TypeWord | _WidthText),

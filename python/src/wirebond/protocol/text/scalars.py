@@ -16,7 +16,7 @@ from pydantic import BeforeValidator, Field, PlainValidator
 from pydantic_core import PydanticCustomError
 
 from wirebond.protocol import names
-from wirebond.protocol.model import ByteOrder, FieldKind
+from wirebond.protocol.model import UNSIGNED, ByteOrder, Coding, FieldKind
 from wirebond.protocol.problems import either, quoted, suggestion
 from wirebond.protocol.text.yaml_tree import Number
 
@@ -370,7 +370,19 @@ class WireType:
     size: int  # bytes; 0 for text, bytes and padding, and for numbers of other than whole bytes
     order: ByteOrder | None = None
     bits: int = 0  # of a number of other than whole bytes
-    sign_magnitude: bool = False
+    coding: Coding = UNSIGNED  # of kind INTEGER
+
+    @property
+    def is_integer(self) -> bool:
+        return self.kind == FieldKind.INTEGER
+
+    @property
+    def is_unsigned(self) -> bool:
+        return self.is_integer and self.coding == UNSIGNED
+
+    @property
+    def is_signed(self) -> bool:
+        return self.is_integer and self.coding.is_signed
 
     @property
     def width(self) -> int:
@@ -378,19 +390,18 @@ class WireType:
         return self.bits or 8 * self.size
 
 
-def both_orders(word: str, kind: FieldKind, size: int, *, sign_magnitude: bool = False) -> dict[str, WireType]:
+def both_orders(word: str, kind: FieldKind, size: int, coding: Coding = UNSIGNED) -> dict[str, WireType]:
     """A number's type by its word, and with a byte order behind it where it has several bytes."""
     orders = {"": None, "le": ByteOrder.LITTLE, "be": ByteOrder.BIG} if size > 1 else {"": None}
     return {
-        word + ending: WireType(word + ending, kind, size, order, sign_magnitude=sign_magnitude)
-        for ending, order in orders.items()
+        word + ending: WireType(word + ending, kind, size, order, coding=coding) for ending, order in orders.items()
     }
 
 
 _PART_TYPES = {
     word: wire_type
     for size in (1, 2, 3, 4)
-    for word, wire_type in both_orders(f"u{8 * size}", FieldKind.UNSIGNED, size).items()
+    for word, wire_type in both_orders(f"u{8 * size}", FieldKind.INTEGER, size).items()
 }
 # Other languages' words for the same things, so that the advice is right at once.
 FOREIGN_TYPES = {

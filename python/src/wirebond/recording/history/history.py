@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wirebond.errors import UsageError
-from wirebond.protocol.model import End, Field, FieldKind, Protocol
+from wirebond.protocol.model import End, Field, Protocol
 from wirebond.recording.history.pixels import Pixels, pixels_of, shown_type
 from wirebond.recording.history.track import Array, Track
 
@@ -240,5 +240,5 @@ def _narrow(fields: tuple[Field, ...], prefix: str) -> Iterable[str]:
     for field in fields:
         if field.fields:
             yield from _narrow(field.fields, f"{prefix}{field.name}.")
-        elif field.is_scaled and field.kind != FieldKind.FLOAT and field.width <= _NARROW:
+        elif field.is_scaled and not field.is_float and field.width <= _NARROW:
             yield f"{prefix}{field.name}"

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from wirebond.generate.code.ros2_types import FRAME, Definition, Member, interfaces
-from wirebond.protocol.model import NUMBERS, End, FieldKind, Protocol
+from wirebond.protocol.model import End, Field, FieldKind, Protocol
 from wirebond.ros2 import cdr
 from wirebond.ros2.mapping.filler import Reading, Tree
 from wirebond.ros2.mapping.grammar import Source
@@ -78,13 +78,16 @@ class OwnTypes:
     def plan(self, message: str) -> UnpackPlan | None:
         """How the engine reads them; None: one of them is more than a number."""
         members = [(m.name, m.spec) for m in self._found.messages[message].members if m.spec is not None]
-        kinds = (*NUMBERS, FieldKind.BOOL)
-        if not all(spec.kind in kinds and spec.count is None and not spec.is_list for _, spec in members):
+        if not all(_is_one_number(spec) for _, spec in members):
             return None
         if any(spec.enum or spec.flags for _, spec in members):
             return None
         sources = {spec.name: ((name,), Source(path=name)) for name, spec in members}
         return unpack_plan(message, self.of(message), sources)
+
+
+def _is_one_number(spec: Field) -> bool:
+    return (spec.is_number or spec.kind == FieldKind.BOOL) and spec.count is None and not spec.is_list
 
 
 def own_topics(

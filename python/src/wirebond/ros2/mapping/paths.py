@@ -76,7 +76,7 @@ def wire_leaf(message: Message, path: str) -> tuple[Leaf, Getter]:
     getter: Getter = _whole
     while True:
         step = steps.pop(0)
-        names = [f.name for f in fields if f.kind != FieldKind.PADDING]
+        names = [f.name for f in fields if f.has_value]
         if step not in names:
             raise PathError(f"{where} has no field `{step}`; {suggestion(step, names)}")
         found = next(f for f in fields if f.name == step)
@@ -114,9 +114,9 @@ def _leaf_of(path: str, field: Field, many: bool) -> Leaf:
         return Leaf(path, What.FLAGS, count=count, choices=tuple(name for name, _ in field.flags))
     if field.enum:
         return Leaf(path, What.NAME, count=count, choices=tuple(name for name, _ in field.enum))
-    if field.kind == FieldKind.FLOAT or field.is_scaled:
+    if field.is_float or field.is_scaled:
         return Leaf(path, What.NUMBER, count=count)
-    if field.kind == FieldKind.SIGNED:
+    if field.coding.is_signed:
         top = 1 << (field.width - 1)
         return Leaf(path, What.INTEGER, -top, top - 1, count)
     return Leaf(path, What.INTEGER, 0, (1 << field.width) - 1, count)

@@ -348,7 +348,7 @@ class _Reader:
             for f in message.fields
             if f.name not in fields
             and f.default is None
-            and f.kind != FieldKind.PADDING
+            and f.has_value
             and not f.is_count
             and f.kind not in (FieldKind.STRUCT, FieldKind.BITS)
         ]

@@ -76,11 +76,8 @@ def _room(field: Field) -> int:
         return 0
     if field.kind == FieldKind.BOOL:
         return 1
-    if field.kind == FieldKind.UNSIGNED:
-        return field.width
-    if field.kind == FieldKind.SIGNED:
-        return field.width - 1
-    return 0
+    is_binary = field.is_integer and field.coding.is_binary
+    return field.width - field.coding.is_signed if is_binary else 0
 
 
 def _room_of_string(field: Field, value: str | bytes) -> int:
