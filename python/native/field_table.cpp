@@ -1,9 +1,8 @@
-// Reads the model's fields. The loader has validated them: a surprise here is our own mistake.
+// Reads the steps of a layout. The loader has validated their fields: a surprise here is our own mistake.
 #include "field_table.hpp"
 
 #include <nanobind/stl/string.h>
 
-#include <stdexcept>
 #include <utility>
 
 #include "words.hpp"
@@ -32,30 +31,13 @@ constexpr std::pair<const char*, Coding> codings[] = {
     {"bcd", Coding::bcd},
 };
 
-void read_repeat(FieldTable& table, nb::handle field) {
-  const nb::object count = field.attr("count");
-  table.max_count = nb::cast<std::uint32_t>(field.attr("max_count"));
-  table.stride = nb::cast<std::size_t>(field.attr("element_min_bytes"));
-  if (table.is_characters()) {  // one value of this many bytes
-    table.count = nb::cast<std::uint32_t>(field.attr("size"));
-    table.max_count = nb::cast<std::uint32_t>(field.attr("max_size"));
-    table.stride = 1;
-    const nb::object end = field.attr("ends_with");
-    if (!end.is_none()) table.ends_with = nb::cast<int>(end);
-    for (nb::handle mark : field.attr("excludes")) {
-      const auto bytes = nb::cast<nb::bytes>(mark);
-      table.excludes.emplace_back(bytes.c_str(), bytes.size());
-    }
-    return;
-  }
-  if (table.max_count != 0) {
-    table.repeat = Repeat::listed;
-  } else if (!count.is_none()) {
-    const nb::object packed = field.attr("packed");
-    table.repeat = packed.is_none() ? Repeat::fixed : Repeat::packed;
-    table.count = nb::cast<std::uint32_t>(count);
-    if (!packed.is_none()) table.bit_order = bit_order_of(packed);
-  }
+void read_coding(FieldTable& table, nb::handle field) {
+  const nb::object coding = field.attr("coding");
+  table.coding = meant_by(codings, coding.attr("cpp"), "coding");
+  table.is_signed = nb::cast<bool>(coding.attr("is_signed"));
+  const nb::object limits = field.attr("whole_limits");
+  table.least = nb::cast<std::int64_t>(nb::object(limits[0]));
+  table.greatest = nb::cast<std::uint64_t>(nb::object(limits[1]));
 }
 
 void read_meaning(FieldTable& table, nb::handle field) {
@@ -88,29 +70,19 @@ void read_meaning(FieldTable& table, nb::handle field) {
   table.has_flags = !table.flags.empty();
 }
 
-FieldTable read_field(nb::handle field, std::size_t at) {
+/// Read what a field means, and how one number of it lies in bytes; not how often it occurs.
+FieldTable read_field(nb::handle field) {
   FieldTable table;
   table.name = text_of(field.attr("name"));
   table.key = interned(table.name);
   table.kind = meant_by(kinds, field.attr("kind"), "field kind");
   table.order = byte_order_of(field.attr("order"));
-  table.at = at;
   table.is_variable = nb::cast<bool>(field.attr("is_variable"));
+  if (table.kind == FieldKind::integer) read_coding(table, field);
+  read_meaning(table, field);
   const nb::object digits = field.attr("digits");
   if (!digits.is_none()) {
     table.digits = Digits{nb::cast<std::uint8_t>(digits.attr("base")), nb::cast<std::uint8_t>(digits.attr("decimals"))};
-  }
-  if (table.kind == FieldKind::integer) {
-    const nb::object coding = field.attr("coding");
-    table.coding = meant_by(codings, coding.attr("cpp"), "coding");
-    table.is_signed = nb::cast<bool>(coding.attr("is_signed"));
-  }
-  read_repeat(table, field);
-  read_meaning(table, field);
-  if (table.kind == FieldKind::integer) {
-    const nb::object limits = field.attr("whole_limits");
-    table.least = nb::cast<std::int64_t>(nb::object(limits[0]));
-    table.greatest = nb::cast<std::uint64_t>(nb::object(limits[1]));
   }
   if (table.kind != FieldKind::structure && !table.is_string()) {
     table.size = table.digits ? std::uint8_t{1} : nb::cast<std::uint8_t>(field.attr("size"));
@@ -119,72 +91,109 @@ FieldTable read_field(nb::handle field, std::size_t at) {
   return table;
 }
 
-/// Read the fields that share a number's bits.
-std::vector<FieldTable> read_bits(nb::handle container) {
-  const auto size = nb::cast<std::uint8_t>(container.attr("size"));
-  const ByteOrder order = byte_order_of(container.attr("order"));
-  const bool from_low = bit_order_of(container.attr("first")) == BitOrder::low_first;
-  std::vector<FieldTable> out;
-  unsigned passed = 0;
-  for (nb::handle field : container.attr("fields")) {
-    const auto width = nb::cast<unsigned>(field.attr("bits_here"));
-    const unsigned shift = from_low ? passed : 8u * size - passed - width;
-    passed += width;
-    if (text_of(field.attr("kind")) == "padding") continue;
-    FieldTable table = read_field(field, 0);
+void read_slot(FieldTable& table, nb::handle part) {
+  const nb::object slot = part.attr("slot");
+  if (slot.is_none()) return;
+  table.slot = nb::cast<int>(slot);
+  table.counts = true;
+}
+
+void read_told(FieldTable& table, nb::handle step) {
+  for (nb::handle told : step.attr("told")) {
+    table.counters.push_back({nb::cast<std::size_t>(told.attr("slot")), nb::cast<std::uint64_t>(told.attr("per")),
+                              text_of(told.attr("name"))});
+  }
+}
+
+void read_characters(FieldTable& table, nb::handle step) {  // one value of this many bytes
+  const nb::object field = step.attr("field");
+  table.count = nb::cast<std::uint32_t>(field.attr("size"));
+  table.max_count = nb::cast<std::uint32_t>(field.attr("max_size"));
+  table.stride = 1;
+  const nb::object end = field.attr("ends_with");
+  if (!end.is_none()) table.ends_with = nb::cast<int>(end);
+  for (nb::handle mark : field.attr("excludes")) {
+    const auto bytes = nb::cast<nb::bytes>(mark);
+    table.excludes.emplace_back(bytes.c_str(), bytes.size());
+  }
+  read_told(table, step);
+}
+
+/// Read the values that share a number's bits.
+void read_members(FieldTable& container, nb::handle step) {
+  const auto size = nb::cast<std::uint8_t>(step.attr("field").attr("size"));
+  for (nb::handle member : step.attr("members")) {
+    const nb::object field = member.attr("field");
+    if (!nb::cast<bool>(field.attr("has_value"))) continue;
+    FieldTable table = read_field(field);
     table.size = size;
-    table.order = order;
-    table.shift = static_cast<std::uint8_t>(shift);
-    for (nb::handle piece : field.attr("split")) {
+    table.order = container.order;
+    table.shift = nb::cast<std::uint8_t>(member.attr("low"));
+    const auto pieces = nb::cast<nb::tuple>(member.attr("pieces"));
+    for (std::size_t i = 0; pieces.size() > 1 && i < pieces.size(); ++i) {
+      const nb::object piece = pieces[i];
       table.pieces.emplace_back(nb::cast<std::uint8_t>(piece[0]), nb::cast<std::uint8_t>(piece[1]));
     }
-    out.push_back(std::move(table));
+    read_slot(table, member);
+    container.counts = container.counts || table.counts;
+    container.fields.push_back(std::move(table));
+  }
+}
+
+void read_times(FieldTable& table, nb::handle step) {
+  const nb::object field = step.attr("field");
+  const nb::object count = field.attr("count");
+  if (count.is_none()) return;
+  const nb::object packed = field.attr("packed");
+  table.repeat = packed.is_none() ? Repeat::fixed : Repeat::packed;
+  table.count = nb::cast<std::uint32_t>(count);
+  if (!packed.is_none()) table.bit_order = bit_order_of(packed);
+}
+
+enum class StepKind : std::uint8_t { number, array, bits, characters, group, list };
+
+constexpr std::pair<const char*, StepKind> step_kinds[] = {
+    {"Number", StepKind::number},         {"Array", StepKind::array}, {"Bits", StepKind::bits},
+    {"Characters", StepKind::characters}, {"Group", StepKind::group}, {"List", StepKind::list},
+};
+
+FieldTable read_step(nb::handle step) {
+  const nb::object field = step.attr("field");
+  FieldTable table = read_field(field);
+  table.at = nb::cast<std::size_t>(step.attr("at"));
+  table.stride = nb::cast<std::size_t>(field.attr("element_min_bytes"));
+  switch (meant_by(step_kinds, step.attr("__class__").attr("__name__"), "step")) {
+    case StepKind::number: read_slot(table, step); break;
+    case StepKind::array: read_times(table, step); break;
+    case StepKind::bits: read_members(table, step); break;
+    case StepKind::characters: read_characters(table, step); break;
+    case StepKind::group:
+      read_times(table, step);
+      table.fields = read_steps(step.attr("steps"));
+      break;
+    case StepKind::list:
+      table.repeat = Repeat::listed;
+      table.max_count = nb::cast<std::uint32_t>(field.attr("max_count"));
+      table.fields = read_steps(step.attr("steps"));
+      read_told(table, step);
+      break;
+  }
+  return table;
+}
+
+}  // namespace
+
+std::vector<FieldTable> read_steps(nb::handle steps) {
+  std::vector<FieldTable> out;
+  for (nb::handle step : steps) {
+    if (nb::cast<bool>(step.attr("field").attr("has_value"))) out.push_back(read_step(step));
   }
   return out;
 }
 
-}  // namespace
-
-namespace {
-
-/// Find the field of this name, or that among the bits of a field (`state.number`); null if there is none.
-FieldTable* find_counter(std::vector<FieldTable>& fields, const std::string& name, FieldTable** outer) {
-  for (FieldTable& field : fields) {
-    *outer = &field;
-    if (field.name == name) return &field;
-    if (field.kind != FieldKind::structure || name.compare(0, field.name.size() + 1, field.name + ".") != 0) continue;
-    for (FieldTable& run : field.fields) {
-      if (name.compare(field.name.size() + 1, std::string::npos, run.name) == 0) return &run;
-    }
-  }
-  return nullptr;
-}
-
-}  // namespace
-
-std::vector<FieldTable> read_fields(nb::handle fields) {
+std::vector<FieldTable> read_numbers(nb::handle fields) {
   std::vector<FieldTable> out;
-  std::size_t at = 0;
-  int slots = 0;
-  for (nb::handle field : fields) {
-    const std::string kind = text_of(field.attr("kind"));
-    if (kind != "padding") {
-      FieldTable table = read_field(field, at);
-      if (kind == "bits") table.fields = read_bits(field);
-      if (kind == "struct") table.fields = read_fields(field.attr("fields"));
-      for (nb::handle counter : field.attr("counters")) {
-        const std::string name = text_of(counter[0]);
-        FieldTable* outer = nullptr;
-        FieldTable* const counting = find_counter(out, name, &outer);
-        if (counting == nullptr) throw std::logic_error("no field " + name + " to count " + table.name);
-        if (counting->slot < 0) counting->slot = slots++;
-        outer->counts = true;
-        table.counters.push_back({static_cast<std::size_t>(counting->slot), nb::cast<std::uint64_t>(counter[1]), name});
-      }
-      out.push_back(std::move(table));
-    }
-    at += nb::cast<std::size_t>(field.attr("min_wire_bytes"));
-  }
+  for (nb::handle field : fields) out.push_back(read_field(field));
   return out;
 }
 

@@ -1,4 +1,4 @@
-// A message's fields as tables, made from wirebond.protocol.model. Bytes belong to element and fields.
+// A message's layout as tables, made from wirebond.protocol.model.layout. Bytes belong to element and fields.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -96,7 +96,10 @@ struct FieldTable {
   bool is_characters() const { return is_string() || digits.has_value(); }
 };
 
-/// Return tables of a tuple of model Fields. Needs the GIL.
-std::vector<FieldTable> read_fields(nb::handle fields);
+/// Return tables of the steps of a wirebond.protocol.model.layout that have a value. Needs the GIL.
+std::vector<FieldTable> read_steps(nb::handle steps);
+
+/// Return tables of numbers without places, such as header fields. Needs the GIL.
+std::vector<FieldTable> read_numbers(nb::handle fields);
 
 }  // namespace wirebond::engine

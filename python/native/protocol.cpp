@@ -210,7 +210,7 @@ ProtocolTable::ProtocolTable(nb::handle protocol) : name_(text_of(protocol.attr(
     table.sender = interned(text_of(message.attr("sender")));
     table.min_payload = nb::cast<std::size_t>(message.attr("min_payload"));
     table.max_payload = nb::cast<std::size_t>(message.attr("max_payload"));
-    table.fields = read_fields(message.attr("fields"));
+    table.fields = read_steps(message.attr("layout"));
     table.constants = read_rules(payload_rules(message)).constants;
     messages_.push_back(std::move(table));
   }
@@ -272,7 +272,7 @@ FormatTable::FormatTable(nb::handle plan) {
   }
   nb::list meanings;
   for (nb::handle field : plan.attr("header")) meanings.append(field.attr("value"));
-  header_ = read_fields(meanings);
+  header_ = read_numbers(meanings);
   for (nb::handle algorithm : plan.attr("algorithms")) {
     format_.algorithms.at(format_.algorithm_count++) = read_algorithm(algorithm);
   }

@@ -21,13 +21,13 @@ from tests.shared import (
 from tests.streams import hard_stream, random_frame, random_values
 
 from wirebond import Codec, Message
-from wirebond.analysis.explain import Kind, explain, values
+from wirebond.analysis.explain import Kind, explain
 from wirebond.analysis.explain.layout import check_value, covered_bytes, spans
 from wirebond.analysis.explain.scan import scan
 from wirebond.analysis.explain.stuffing import stuff
 from wirebond.analysis.explain.values import faults_of, read_fields, values_of
 from wirebond.protocol import loads
-from wirebond.protocol.model import End, FieldKind, PartKind
+from wirebond.protocol.model import End, PartKind
 from wirebond.protocol.model import Message as MessageModel
 from wirebond.protocol.planning import expecting
 
@@ -248,7 +248,3 @@ def test_every_byte_of_any_frame_has_a_name(name: str, number: int) -> None:
         assert all(rule.holds for rule in stretch.rules)
         (found,) = scan(model, wire, sender).frames
         assert stuff(frame_format, found.content.data) == found.content.block
-
-
-def test_every_field_kind_of_the_model_is_read() -> None:
-    assert set(values._READERS) == set(FieldKind)

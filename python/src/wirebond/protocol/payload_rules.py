@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
-from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind, Message, PayloadPlace
+from wirebond.protocol.model import ByteOrder, Field, Message, PayloadPlace
+from wirebond.protocol.model.layout import Bits, Characters, Constant, Group, List, Number, Step, Told, layout_of
 
 MAX_CONSTANT_BYTES = 64  # of one message
 MAX_COUNTS = 8  # of one message, where a rule needs them
@@ -64,9 +66,9 @@ class PayloadRules:
 
 def payload_rules(message: Message) -> PayloadRules:
     lowering = _Lowering()
-    for one in message.fields:
-        lowering.name = one.name
-        lowering.read(one)
+    for step in message.layout:
+        lowering.name = step.field.name
+        lowering.read(step)
     return PayloadRules(
         tuple(lowering.constants), tuple(lowering.counts), lowering.tells_size, tuple(lowering.faults.items())
     )
@@ -85,64 +87,28 @@ def bounded(message: Message, rules: PayloadRules) -> PayloadRules:
 def named_numbers(fields: tuple[Field, ...]) -> Iterator[tuple[str, tuple[Field, PayloadPlace]]]:
     """The unsigned numbers of a message at places that are always the same, by their paths: its own, those among their
     bits, and those of its structs."""
-    return _numbers_of(_Lowering(), fields, "")
+    return _numbers_of(_Lowering(), layout_of(fields), "")
 
 
 def _numbers_of(
-    lowering: _Lowering, fields: tuple[Field, ...], path: str
+    lowering: _Lowering, steps: tuple[Step, ...], path: str
 ) -> Iterator[tuple[str, tuple[Field, PayloadPlace]]]:
-    for one in fields:
-        if one.kind == FieldKind.STRUCT and one.count is None and not one.is_list:
-            yield from _numbers_of(lowering, one.fields, f"{path}{one.name}.")
+    for step in steps:
+        one = step.field
+        if isinstance(step, Group) and one.count is None:
+            yield from _numbers_of(lowering, step.steps, f"{path}{one.name}.")
             continue
         is_lost = lowering.is_lost or bool(lowering.counts)
         before = lowering.at
-        lowering.read(one)
-        if is_lost or one.is_list or one.count is not None or one.packed is not None or one.digits is not None:
+        lowering.read(step)
+        if is_lost:
             continue
-        if one.is_unsigned and not one.is_scaled:
+        if isinstance(step, Number) and one.is_unsigned and not one.is_scaled:
             yield f"{path}{one.name}", (one, PayloadPlace(before, one.size, one.order, 0, (1 << one.width) - 1))
-        if one.kind == FieldKind.BITS:
-            for member, shift in bit_places(one):
-                if member.is_unsigned and not member.is_scaled and not member.split:
-                    mask = (1 << member.width) - 1
-                    place = PayloadPlace(before, one.size, one.order, shift, mask)
-                    yield f"{path}{one.name}.{member.name}", (member, place)
-
-
-def bit_places(container: Field) -> Iterator[tuple[Field, int]]:
-    """The values that share a number's bits, and the place of each one's lowest bit."""
-    passed = 0
-    for member in container.fields:
-        low = container.first == BitOrder.LOW
-        yield member, passed if low else 8 * container.size - passed - member.bits_here
-        passed += member.bits_here
-
-
-def pieces(member: Field, low: int) -> tuple[tuple[int, int], ...]:
-    """The lowest bit, in the number that is shared, and the bits of each piece of a value; the value's lowest first.
-
-    :param low: as `bit_places` gives it.
-    """
-    return member.split or ((low, member.width),)
-
-
-def bits_of(member: Field, low: int, number: int) -> int:
-    """The bits of one of the values that share ``number``."""
-    found = done = 0
-    for place, size in pieces(member, low):
-        found |= (number >> place & (1 << size) - 1) << done
-        done += size
-    return found
-
-
-def bits_text(member: Field, low: int) -> str:
-    """``bit 3``, ``bits 0 to 6``, or ``bits 40 to 43 and 8 to 31`` with the value's highest first."""
-    places = pieces(member, low)
-    if member.width == 1:
-        return f"bit {low}"
-    spans = (f"{at} to {at + size - 1}" if size > 1 else str(at) for at, size in reversed(places))
-    return f"bits {' and '.join(spans)}"
+        for run in step.members if isinstance(step, Bits) else ():
+            if run.field.is_unsigned and not run.field.is_scaled and len(run.pieces) == 1:
+                place = PayloadPlace(before, one.size, one.order, run.low, (1 << run.field.width) - 1)
+                yield f"{path}{one.name}.{run.field.name}", (run.field, place)
 
 
 def has_constants(fields: tuple[Field, ...]) -> bool:
@@ -162,38 +128,44 @@ class _Lowering:
         default_factory=lambda: [{}]
     )  # of the lists of fields that are open
 
-    def read(self, one: Field) -> None:
-        if one.kind == FieldKind.BITS:
-            self._read_bits(one)
-        elif one.kind == FieldKind.STRUCT and not one.is_list:
-            for _ in range(one.count or 1):
-                self._numbers.append({})
-                for member in one.fields:
-                    self.read(member)
-                self._numbers.pop()
-        elif one.is_list or (one.is_characters and one.size == 0):
-            self._read_varying(one)
-        else:
-            if one.constant is not None:
-                self._add(one.constant_bytes, b"\xff" * one.size)
-            if one.is_unsigned and one.digits is None and not self.is_lost:
-                mask = (1 << one.width) - 1
-                self._numbers[-1][one.name] = CountingNumber(self.at, len(self.counts), one.size, one.order, 0, mask)
-            self.at += one.min_wire_bytes
+    def read(self, step: Step) -> None:
+        one = step.field
+        match step:
+            case Bits():
+                self._read_bits(step)
+            case Group():
+                for _ in range(one.count or 1):
+                    self._numbers.append({})
+                    for inner in step.steps:
+                        self.read(inner)
+                    self._numbers.pop()
+            case List(told=told):
+                self._read_varying(one, told, step.stride, one.max_count)
+            case Characters(told=told) if one.size == 0:
+                self._read_varying(one, told, 1, one.max_size)
+            case _:
+                if isinstance(step, Constant):
+                    self._add(step.wire, b"\xff" * one.size)
+                if isinstance(step, Number) and one.is_unsigned and not self.is_lost:
+                    mask = (1 << one.width) - 1
+                    number = CountingNumber(self.at, len(self.counts), one.size, one.order, 0, mask)
+                    self._numbers[-1][one.name] = number
+                self.at += one.min_wire_bytes
 
-    def _read_bits(self, container: Field) -> None:
+    def _read_bits(self, step: Bits) -> None:
+        container = step.field
         mask = value = 0
-        for member, shift in bit_places(container):
-            ones = (1 << member.width) - 1
-            if member.constant is not None:
-                mask |= ones << shift
-                value |= member.constant << shift
-            if member.is_unsigned and not member.split and not self.is_lost:
-                number = CountingNumber(self.at, len(self.counts), container.size, container.order, shift, ones)
-                self._numbers[-1][f"{container.name}.{member.name}"] = number
+        for run in step.members:
+            ones = (1 << run.field.width) - 1
+            if run.field.constant is not None:
+                mask |= ones << run.low
+                value |= run.field.constant << run.low
+            if run.field.is_unsigned and len(run.pieces) == 1 and not self.is_lost:
+                number = CountingNumber(self.at, len(self.counts), container.size, container.order, run.low, ones)
+                self._numbers[-1][f"{container.name}.{run.field.name}"] = number
         if mask:
-            order = "big" if container.order == ByteOrder.BIG else "little"
-            wire, masks = (n.to_bytes(container.size, "big" if order == "big" else "little") for n in (value, mask))
+            order: Literal["big", "little"] = "big" if container.order == ByteOrder.BIG else "little"
+            wire, masks = (n.to_bytes(container.size, order) for n in (value, mask))
             self._add(wire, masks)
         self.at += container.size
 
@@ -206,24 +178,26 @@ class _Lowering:
         if len(self.constants) > MAX_CONSTANT_BYTES:
             self._fail(f"a message has at most {MAX_CONSTANT_BYTES} bytes of constants; write fewer")
 
-    def _read_varying(self, one: Field) -> None:
+    def _read_varying(self, one: Field, told: tuple[Told, ...], size: int, most: int) -> None:
         if has_constants(one.fields):
             self._fail(
                 f"`{self.name}` varies in number, and its elements hold a constant; a constant stands where its place "
                 "is known: move it out of them"
             )
         numbers = self._numbers[-1]
-        if one.counted_by not in numbers or any(member.is_variable for member in one.fields):
+        if not told or told[0].name not in numbers or any(member.is_variable for member in one.fields):
             self.tells_size, self.is_lost = False, True
             return
-        size = 1 if one.is_string else one.element_min_bytes
-        most = one.max_size if one.is_string else one.max_count
         first = len(self.counts)
-        for name, step in one.counters:
+        for count in told:
             agrees_with = None if len(self.counts) == first else first
             self.counts.append(
                 PayloadCount(
-                    **vars(numbers[name]), unit=size // step, most=most * step, step=step, agrees_with=agrees_with
+                    **vars(numbers[count.name]),
+                    unit=size // count.per,
+                    most=most * count.per,
+                    step=count.per,
+                    agrees_with=agrees_with,
                 )
             )
 

@@ -12,7 +12,7 @@ from wirebond.analysis.diff.values import value_changes
 from wirebond.analysis.diff.where import Fields, Where
 from wirebond.protocol.meaning.field_values import wire_limits
 from wirebond.protocol.model import Field, FieldKind
-from wirebond.protocol.payload_rules import bit_places, bits_text, pieces
+from wirebond.protocol.model.layout import BitMember, members_of
 from wirebond.protocol.spelling import field_type, how_counted
 
 
@@ -290,10 +290,11 @@ def _other_bound(most: int, next_most: int, noun: str, where: Where) -> Change:
 def _bit_field_changes(a: Field, b: Field, where: Where) -> Iterator[Change]:
     """Values that share one number: each has its own place, and bits that are left over are zeros."""
     before, after = _runs(a), _runs(b)
-    for name, (shift, field) in after.items():
+    for name, run in after.items():
+        field = run.field
         at = Where(f"{where.path}.{name}", (*where.place, "bits", "fields", name), where.routes, None)
         if name not in before:
-            overlaps = [other for other, (low, f) in before.items() if _meet(shift, field, low, f)]
+            overlaps = [other for other, earlier in before.items() if _meet(run, earlier)]
             if overlaps:
                 sentence = f"stands where {', '.join(overlaps)} stood"
                 yield changed(at.path, sentence, where.everywhere("the same bits are read as other fields"),
@@ -302,24 +303,24 @@ def _bit_field_changes(a: Field, b: Field, where: Where) -> Iterator[Change]:
                 effects = [zeros_or_ignored(sides, name, is_new=True) for sides in where.routes]
                 yield changed(at.path, "is new in free bits", effects, place=at.place)
             continue
-        earlier_shift, earlier = before[name]
+        earlier_run = before[name]
+        earlier = earlier_run.field
         unsigned = earlier.is_unsigned and field.is_unsigned
-        places, earlier_places = pieces(field, shift), pieces(earlier, earlier_shift)
-        is_whole = len(places) == len(earlier_places) == 1
-        if unsigned and is_whole and earlier_shift == shift and earlier.width != field.width:
+        is_whole = len(run.pieces) == len(earlier_run.pieces) == 1
+        if unsigned and is_whole and earlier_run.low == run.low and earlier.width != field.width:
             yield _other_width(earlier, field, at)
             yield from value_changes(earlier, field, at)
-        elif places != earlier_places:
-            sentence = f"{bits_text(earlier, earlier_shift)} became {bits_text(field, shift)}"
+        elif run.pieces != earlier_run.pieces:
+            sentence = f"{earlier_run.text} became {run.text}"
             yield changed(at.path, sentence, where.everywhere("it is read as another value"), place=at.place)
         elif field_type(earlier) != field_type(field):
             yield _other_type(earlier, field, at)
         else:
             yield from value_changes(earlier, field, at)
-    for name, (shift, field) in before.items():
+    for name, run in before.items():
         if name in after:
             continue
-        if any(_meet(shift, field, low, f) for low, f in after.values()):
+        if any(_meet(run, later) for later in after.values()):
             continue  # told of the field that stands there
         effects = [zeros_or_ignored(sides, name, is_new=False) for sides in where.routes]
         place = (*where.place, "bits", "fields", name)
@@ -337,14 +338,13 @@ def _other_width(a: Field, b: Field, where: Where) -> Change:
     return changed(where.path, f"{a.width} bits became {b.width}", effects, place=where.place)
 
 
-def _runs(field: Field) -> dict[str, tuple[int, Field]]:
-    """Of each value its lowest bit."""
-    return {member.name: (low, member) for member, low in bit_places(field) if member.has_value}
+def _runs(field: Field) -> dict[str, BitMember]:
+    return {member.field.name: member for member in members_of(field) if member.field.has_value}
 
 
-def _meet(shift: int, field: Field, low: int, other: Field) -> bool:
+def _meet(one: BitMember, other: BitMember) -> bool:
     """Have two values bits in common?"""
-    return any(a < b + size and b < a + width for a, width in pieces(field, shift) for b, size in pieces(other, low))
+    return any(a < b + size and b < a + width for a, width in one.pieces for b, size in other.pieces)
 
 
 def number_changes(a: Field, b: Field, where: Where) -> Iterator[Change]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from wirebond.protocol.model import ByteOrder, Field, FieldKind, Message
-from wirebond.protocol.payload_rules import bit_places
+from wirebond.analysis.explain.numbers import raw_number
+from wirebond.protocol.model import ByteOrder, Field, Message
+from wirebond.protocol.model.layout import Bits, Characters, Constant, Group, List, Number, Step
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class FoundConstant:
 def constants_of(message: Message, payload: bytes) -> list[FoundConstant]:
     """In wire order. What a count of the payload moves beyond its end is not there, and does not hold."""
     walk = _Walk(payload)
-    walk.read(message.fields, "")
+    walk.read(message.layout, "")
     return walk.found
 
 
@@ -32,41 +33,51 @@ class _Walk:
     found: list[FoundConstant] = field(default_factory=list)
     misplacing: list[FoundConstant] = field(default_factory=list)  # counts behind which no constant has its place
 
-    def read(self, fields: tuple[Field, ...], path: str) -> None:
+    def read(self, steps: tuple[Step, ...], path: str) -> None:
         numbers: dict[str, int] = {}
-        for one in fields:
-            if one.is_list or (one.is_characters and one.size == 0):
-                unit = 1 if one.is_string else one.element_min_bytes
-                for name, step in one.counters[:1]:  # what reaches to the end is the last, and has none
-                    number = numbers[name]
-                    self.at += unit // step * number
-                    if number % step and number <= one.max_wire_bytes:
-                        fault = FoundConstant(f"{path}{name}", False, f"a multiple of {step}", str(number))
-                        self.misplacing.append(fault)
-            elif one.kind == FieldKind.STRUCT:
-                for index in range(one.count or 1):
-                    self.read(one.fields, f"{path}{one.name}{'' if one.count is None else f'[{index}]'}.")
-            else:
-                size = one.min_wire_bytes
-                data = self.payload[self.at : self.at + size]
-                self.at += size
-                if one.is_unsigned:
-                    numbers[one.name] = _number(one, data)
-                for member, low in bit_places(one) if one.kind == FieldKind.BITS else ():
-                    numbers[f"{one.name}.{member.name}"] = _number(one, data) >> low & (1 << member.width) - 1
-                self._constants(one, data, path)
+        for step in steps:
+            one = step.field
+            match step:
+                case List() | Characters() if one.is_variable:
+                    self._skip(step, numbers, path)
+                case Group():
+                    for index in range(one.count or 1):
+                        self.read(step.steps, f"{path}{one.name}{'' if one.count is None else f'[{index}]'}.")
+                case _:
+                    data = self._take(one.min_wire_bytes)
+                    if isinstance(step, Number):
+                        numbers[one.name] = raw_number(one, data)
+                    if isinstance(step, Constant):
+                        self._add(one, f"{path}{one.name}", raw_number(one, data) if len(data) == one.size else None)
+                    if isinstance(step, Bits):
+                        numbers |= self._bits(step, data, path)
 
-    def _constants(self, one: Field, data: bytes, path: str) -> None:
-        if one.constant is not None:
-            self._add(one, f"{path}{one.name}", _number(one, data) if len(data) == one.size else None)
-        for member, low in bit_places(one) if one.kind == FieldKind.BITS else ():
-            if member.constant is None:
+    def _take(self, size: int) -> bytes:
+        self.at += size
+        return self.payload[self.at - size : self.at]
+
+    def _skip(self, step: List | Characters, numbers: dict[str, int], path: str) -> None:
+        unit = step.stride if isinstance(step, List) else 1
+        for told in step.told[:1]:  # what reaches to the end is the last, and has none
+            number = numbers[told.name]
+            self.at += unit // told.per * number
+            if number % told.per and number <= step.field.max_wire_bytes:
+                fault = FoundConstant(f"{path}{told.name}", False, f"a multiple of {told.per}", str(number))
+                self.misplacing.append(fault)
+
+    def _bits(self, step: Bits, data: bytes, path: str) -> dict[str, int]:
+        """Return the numbers among the bits."""
+        one = step.field
+        shared = raw_number(one, data.ljust(one.size, b"\0"))
+        for member in step.members:
+            if member.field.constant is None:
                 continue
-            touched = range(low // 8, (low + member.width - 1) // 8 + 1)  # the lowest byte first
+            touched = range(member.low // 8, (member.low + member.field.width - 1) // 8 + 1)  # the lowest byte first
             places = touched if one.order == ByteOrder.LITTLE else [one.size - 1 - place for place in touched]
-            whole = data.ljust(one.size, b"\0")
-            bits = _number(one, whole) >> low & (1 << member.width) - 1
-            self._add(member, f"{path}{one.name}.{member.name}", bits if max(places) < len(data) else None)
+            bits = member.bits_of(shared) if max(places) < len(data) else None
+            self._add(member.field, f"{path}{one.name}.{member.field.name}", bits)
+        number = raw_number(one, data)
+        return {f"{one.name}.{member.field.name}": member.bits_of(number) for member in step.members}
 
     def _add(self, one: Field, path: str, number: int | None) -> None:
         assert one.constant is not None
@@ -74,10 +85,6 @@ class _Walk:
         self.misplacing.clear()
         text = "the payload's end" if number is None else constant_text(one, number)
         self.found.append(FoundConstant(path, number == one.constant, constant_text(one, one.constant), text))
-
-
-def _number(one: Field, data: bytes) -> int:
-    return int.from_bytes(data, "big" if one.order == ByteOrder.BIG else "little")
 
 
 def constant_text(one: Field, number: int) -> str:

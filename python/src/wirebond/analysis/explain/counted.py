@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from wirebond.protocol.model import ByteOrder, Field, FieldKind, Message
-from wirebond.protocol.payload_rules import MAX_COUNTS, bit_places
+from wirebond.analysis.explain.numbers import raw_number
+from wirebond.protocol.model import Message
+from wirebond.protocol.model.layout import Bits, Characters, Group, List, Number, Step
+from wirebond.protocol.payload_rules import MAX_COUNTS
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ def bound_by_counts(message: Message, payload: bytes) -> CountedBound | None:
     """None where no count bounds it, or one of them is not there."""
     walk = _Walk(payload)
     try:
-        most = walk.read(message.fields, "")
+        most = walk.read(message.layout, "")
     except IndexError:
         return None
     return CountedBound(most, walk.counts) if walk.counts else None
@@ -39,49 +41,57 @@ class _Walk:
     used: int = 0  # counts
     counts: dict[str, int] = field(default_factory=dict)
 
-    def read(self, fields: tuple[Field, ...], path: str) -> int:
-        """The most bytes that these fields take."""
+    def read(self, steps: tuple[Step, ...], path: str) -> int:
+        """The most bytes that these steps take."""
         most = 0
         numbers: dict[str, int] = {}
-        for one in fields:
-            if one.is_list or (one.is_characters and one.size == 0):
-                most += self._varying(one, numbers, path)
-            elif one.kind == FieldKind.STRUCT:
-                for index in range(one.count or 1):
-                    most += self.read(one.fields, f"{path}{one.name}{'' if one.count is None else f'[{index}]'}.")
-            else:
-                most += one.min_wire_bytes
-                self._note(one, numbers)
+        for step in steps:
+            one = step.field
+            match step:
+                case List() | Characters() if one.is_variable:
+                    most += self._varying(step, numbers, path)
+                case Group():
+                    for index in range(one.count or 1):
+                        most += self.read(step.steps, f"{path}{one.name}{'' if one.count is None else f'[{index}]'}.")
+                case _:
+                    most += one.min_wire_bytes
+                    self._note(step, numbers)
         return most
 
-    def _varying(self, one: Field, numbers: dict[str, int], path: str) -> int:
+    def _varying(self, step: List | Characters, numbers: dict[str, int], path: str) -> int:
+        one, told = step.field, step.told
         is_even = not any(member.is_variable for member in one.fields)  # its elements have one size
-        if one.counted_by not in numbers or not is_even:
+        if not told or told[0].name not in numbers or not is_even:
             self.at = None
             return one.max_wire_bytes
-        if self.used + len(one.counters) > MAX_COUNTS:
+        if self.used + len(told) > MAX_COUNTS:
             self.used = MAX_COUNTS
             self.at = None
             return one.max_wire_bytes
-        self.used += len(one.counters)
-        name, step = one.counters[0]
-        taken = numbers[name] * ((1 if one.is_string else one.element_min_bytes) // step)
+        self.used += len(told)
+        name = told[0].name
+        taken = numbers[name] * ((step.stride if isinstance(step, List) else 1) // told[0].per)
         self.counts[f"{path}{name}"] = numbers[name]
         if self.at is not None:
             self.at += taken
         return taken
 
-    def _note(self, one: Field, numbers: dict[str, int]) -> None:
+    def _note(self, step: Step, numbers: dict[str, int]) -> None:
         if self.at is None:
             return
+        one = step.field
         size = one.min_wire_bytes
         data = self.payload[self.at : self.at + size]
         self.at += size
-        is_number = one.is_unsigned and one.is_count
-        if (is_number or any(member.is_count for member in one.fields)) and len(data) < size:
+        match step:
+            case Number():
+                counting = {one.name: raw_number(one, data)} if step.slot is not None else {}
+            case Bits():
+                shared = raw_number(one, data)
+                runs = (member for member in step.members if member.slot is not None)
+                counting = {f"{one.name}.{run.field.name}": run.bits_of(shared) for run in runs}
+            case _:
+                counting = {}
+        if counting and len(data) < size:
             raise IndexError
-        number = int.from_bytes(data, "big" if one.order == ByteOrder.BIG else "little")
-        if one.is_unsigned:
-            numbers[one.name] = number
-        for member, low in bit_places(one) if one.kind == FieldKind.BITS else ():
-            numbers[f"{one.name}.{member.name}"] = number >> low & (1 << member.width) - 1
+        numbers |= counting

@@ -27,16 +27,14 @@ from wirebond.analysis.explain.layout import (
     shown_check,
     spans,
 )
+from wirebond.analysis.explain.numbers import raw_number
 from wirebond.analysis.explain.shapes import Heard, Shape, shapes_of
 from wirebond.analysis.explain.sharing import found_text, sharing, wanted_text
 from wirebond.analysis.explain.verdict import Cause, Outcome, Question, Rule, Verdict
 from wirebond.protocol.matching import Told
 from wirebond.protocol.model import (
     BitRole,
-    ByteOrder,
     End,
-    Field,
-    FieldKind,
     Message,
     Part,
     PartKind,
@@ -45,7 +43,7 @@ from wirebond.protocol.model import (
     Subject,
 )
 from wirebond.protocol.model.forms import header_of
-from wirebond.protocol.payload_rules import bit_places
+from wirebond.protocol.model.layout import Bits, Characters, Group, List, Step
 from wirebond.protocol.planning import told_by_request
 from wirebond.protocol.spelling import choices_text
 
@@ -315,48 +313,50 @@ class _Examination:
         """The message's own size, or what its counts tell."""
         if message.min_payload == message.max_payload:
             return message.max_payload
-        return self._end_of(message.fields, prefix, prefix) - prefix
+        return self._end_of(message.layout, prefix, prefix) - prefix
 
-    def _end_of(self, fields: tuple[Field, ...], at: int, prefix: int) -> int:
-        places: dict[str, tuple[int, Field]] = {}
-        for one in fields:
-            if one.counters:
-                at += self._counted_bytes(one, places, prefix)
-            elif one.kind == FieldKind.STRUCT:
+    def _end_of(self, steps: tuple[Step, ...], at: int, prefix: int) -> int:
+        places: dict[str, tuple[int, Step]] = {}
+        for step in steps:
+            one = step.field
+            if isinstance(step, List | Characters) and step.told:
+                at += self._counted_bytes(step, places, prefix)
+            elif isinstance(step, Group):
                 for _ in range(one.count or 1):
-                    at = self._end_of(one.fields, at, prefix)
+                    at = self._end_of(step.steps, at, prefix)
             else:
-                places[one.name] = at, one
+                places[one.name] = at, step
                 at += one.min_wire_bytes
         return at
 
-    def _counted_bytes(self, one: Field, places: dict[str, tuple[int, Field]], prefix: int) -> int:
-        """What the elements of a field take: its first count tells it, and another one agrees."""
-        size = 1 if one.is_string else one.element_min_bytes
+    def _counted_bytes(self, step: List | Characters, places: dict[str, tuple[int, Step]], prefix: int) -> int:
+        """What the elements of a list take: its first count tells it, and another one agrees."""
+        one = step.field
+        size, room = (step.stride, one.max_count) if isinstance(step, List) else (1, one.max_size)
         amount: int | None = None
-        for name, step in one.counters:
-            number = self._count(name, places)
-            most = (one.max_size if one.is_string else one.max_count) * step
-            expected = f"{name} at most {most}"
-            if number <= most and number % step:
-                expected = f"{name} a multiple of {step}"
+        for told in step.told:
+            number = self._count(told.name, places)
+            most = room * told.per
+            expected = f"{told.name} at most {most}"
+            if number <= most and number % told.per:
+                expected = f"{told.name} a multiple of {told.per}"
             elif number <= most and amount is not None:
-                expected = f"{name} {amount * step}"
-            holds = number <= most and number % step == 0 and amount in (None, number // step)
+                expected = f"{told.name} {amount * told.per}"
+            holds = number <= most and number % told.per == 0 and amount in (None, number // told.per)
             where = self.shape.payload_at
             self._rule(Question.LENGTH, where, holds, expected, str(number), Cause.LENGTH_OUT_OF_RANGE, prefix)
-            amount = number // step
+            amount = number // told.per
         return size * (amount or 0)
 
-    def _count(self, name: str, places: dict[str, tuple[int, Field]]) -> int:
+    def _count(self, name: str, places: dict[str, tuple[int, Step]]) -> int:
         outer, _, run = name.partition(".")
         place, counting = places[outer]
-        self._need(place + counting.size)
-        data = self.data[place : place + counting.size]
-        number = int.from_bytes(data, "big" if counting.order == ByteOrder.BIG else "little")
-        for member, low in bit_places(counting) if run else ():
-            if member.name == run:
-                return number >> low & (1 << member.width) - 1
+        size = counting.field.size
+        self._need(place + size)
+        number = raw_number(counting.field, self.data[place : place + size])
+        for member in counting.members if isinstance(counting, Bits) else ():
+            if member.field.name == run:
+                return member.bits_of(number)
         return number
 
     def _known_message(self, extent: int) -> None:

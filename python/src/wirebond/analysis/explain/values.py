@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, assert_never
 
 from wirebond.analysis.explain.constants import constant_text
 from wirebond.analysis.explain.numbers import ReadNumber, number_of, packed_number, raw_number, whole_number, with_unit
 from wirebond.protocol.model import Digits, Field, FieldKind, Message
-from wirebond.protocol.payload_rules import bit_places, bits_of, bits_text
+from wirebond.protocol.model.layout import (
+    Array,
+    Bits,
+    Characters,
+    Constant,
+    Group,
+    List,
+    Number,
+    Padding,
+    Step,
+    Told,
+)
 from wirebond.protocol.spelling import field_type
 from wirebond.visible import visible
 
@@ -39,7 +50,7 @@ def read_fields(message: Message, payload: bytes) -> list[Reading]:
     found: list[Reading] = []
     walk = _Walk(payload, max(0, len(payload) - message.min_payload))
     with suppress(_CutOff):  # what is there is named; the rest is not all there
-        walk.read_all(message.fields, found)
+        walk.read_all(message.layout, found)
     return found
 
 
@@ -96,64 +107,76 @@ class _Walk:
     def spend(self, size: int) -> None:
         self.spare -= size
 
-    def read_all(self, fields: tuple[Field, ...], found: list[Reading]) -> None:
-        told: dict[str, int] = {}
-        for field in fields:
-            promised = None
-            for name, step in field.counters[:1]:
-                promised = told[name] // step
-            reading = self._read(field, promised)
-            if field.is_count:
-                told[field.name] = raw_number(field, reading.data)
-            for run in reading.parts if field.kind == FieldKind.BITS else ():
-                if run.field.is_count:
-                    told[f"{field.name}.{run.name}"] = run.value
-            if field.counters:
-                reading = _with_promises(reading, field, told)
-            found.append(reading)
+    def read_all(self, steps: tuple[Step, ...], found: list[Reading]) -> None:
+        numbers: dict[str, int] = {}
+        for step in steps:
+            told = step.told if isinstance(step, Characters | List) else ()
+            reading = self._read(step, numbers[told[0].name] // told[0].per if told else None)
+            if isinstance(step, Number) and step.slot is not None:
+                numbers[step.field.name] = raw_number(step.field, reading.data)
+            if isinstance(step, Bits):
+                shared = raw_number(step.field, reading.data)
+                runs = (member for member in step.members if member.slot is not None)
+                numbers |= {f"{step.field.name}.{run.field.name}": run.bits_of(shared) for run in runs}
+            found.append(_with_promises(reading, told, numbers))
 
-    def _read(self, field: Field, promised: int | None) -> Reading:
-        if field.kind not in _READERS:
-            raise NotImplementedError(f"values.py has no entry for the field type '{field.kind}'")
-        if field.digits is not None:
-            return _in_characters(self, field, field.digits)
-        return _READERS[field.kind](self, field, promised)
+    def _read(self, step: Step, promised: int | None) -> Reading:
+        """:param promised: elements or bytes that the payload says there are; None: it says nothing."""
+        match step:
+            case Padding() | Constant():
+                return _padding(self, step)
+            case Number() | Array():
+                return _numbers(self, step.field, 1 if step.field.count is None else step.field.count)
+            case List(steps=()):
+                return _numbers(self, step.field, self.number_of_elements(step, promised))
+            case Bits():
+                return _bit_fields(self, step)
+            case Characters():
+                return _characters(self, step.field, promised)
+            case Group():
+                return _group(self, step)
+            case List():
+                return _list_of_groups(self, step, promised)
+            case _:
+                assert_never(step)
 
-    def number_of_elements(self, field: Field, promised: int | None) -> int:
-        """How many elements of a list there are, taken out of ``spare``. A list of structs asks one by one, for
-        structs may vary in size themselves."""
-        most = field.max_count if promised is None else min(promised, field.max_count)
-        number = min(most, self.spare // field.element_min_bytes) if field.element_min_bytes else most
-        self.spend(number * field.element_min_bytes)
+    def number_of_elements(self, step: List, promised: int | None) -> int:
+        """How many numbers of a list there are, taken out of ``spare``. A list of groups asks one by one, for groups
+        may vary in size themselves."""
+        number = min(_most(step, promised), self.spare // step.stride)
+        self.spend(number * step.stride)
         return number
 
 
-def _with_promises(reading: Reading, field: Field, told: dict[str, int]) -> Reading:
+def _most(step: List, promised: int | None) -> int:
+    """The most elements that there may be."""
+    return step.field.max_count if promised is None else min(promised, step.field.max_count)
+
+
+def _with_promises(reading: Reading, told: tuple[Told, ...], numbers: Mapping[str, int]) -> Reading:
     """What each of its counts tells, held against what is there."""
-    found = len(reading.data if field.is_string else reading.value)
-    for name, step in field.counters:
-        if told[name] != found * step:
-            what = "bytes" if field.is_string or step > 1 else "elements"
-            reading = replace(
-                reading, faults=(*reading.faults, f" has {found * step} {what}, and {name} tells {told[name]}")
-            )
+    if not told:
+        return reading
+    is_string = reading.field.is_string
+    found = len(reading.data if is_string else reading.value)
+    for one in told:
+        if numbers[one.name] != found * one.per:
+            what = "bytes" if is_string or one.per > 1 else "elements"
+            fault = f" has {found * one.per} {what}, and {one.name} tells {numbers[one.name]}"
+            reading = replace(reading, faults=(*reading.faults, fault))
     return reading
 
 
-# ---- each kind of field ----
+# ---- each kind of step ----
 
 
-def _numbers(walk: _Walk, field: Field, promised: int | None) -> Reading:
+def _numbers(walk: _Walk, field: Field, number: int) -> Reading:
     start = walk.at
     if field.packed is not None:
         data = walk.take(field.min_wire_bytes)
-        raws = [packed_number(data, index * field.bits, field.bits, field.packed) for index in range(field.count or 0)]
-    elif field.is_list:
-        number = walk.number_of_elements(field, promised)
-        data = walk.take(number * field.size)
-        raws = [raw_number(field, data[at : at + field.size]) for at in range(0, len(data), field.size)]
+        raws = [packed_number(data, index * field.bits, field.bits, field.packed) for index in range(number)]
     else:
-        data = walk.take(field.size * (1 if field.count is None else field.count))
+        data = walk.take(field.size * number)
         raws = [raw_number(field, data[at : at + field.size]) for at in range(0, len(data), field.size)]
     elements = [number_of(field, raw) for raw in raws]
     if field.count is None and not field.is_list:
@@ -169,8 +192,14 @@ def _array_text(field: Field, elements: list[ReadNumber]) -> str:
     return with_unit("[" + ", ".join(texts) + "]", field)
 
 
-def _text(walk: _Walk, field: Field, promised: int | None) -> Reading:
+def _characters(walk: _Walk, field: Field, promised: int | None) -> Reading:
     start, (data, faults) = walk.at, _string(walk, field, promised)
+    if field.digits is not None:
+        return _in_characters(field, field.digits, start, data, faults)
+    if field.kind == FieldKind.BYTES:
+        content = _without_end(data, field)
+        text = f"{len(content)} byte{'s' * (len(content) != 1)}"
+        return Reading(field, field.name, start, data, content, text, faults)
     shown = data.split(b"\0", 1)[0] if field.size else _without_end(data, field)
     try:
         data.decode()
@@ -180,14 +209,7 @@ def _text(walk: _Walk, field: Field, promised: int | None) -> Reading:
     return Reading(field, field.name, start, data, value, f'"{visible(value)}"', faults)
 
 
-def _bytes(walk: _Walk, field: Field, promised: int | None) -> Reading:
-    start, (data, faults) = walk.at, _string(walk, field, promised)
-    value = _without_end(data, field)
-    return Reading(field, field.name, start, data, value, f"{len(value)} byte{'s' * (len(value) != 1)}", faults)
-
-
-def _in_characters(walk: _Walk, field: Field, digits: Digits) -> Reading:
-    start, (data, faults) = walk.at, _string(walk, field, None)
+def _in_characters(field: Field, digits: Digits, start: int, data: bytes, faults: tuple[str, ...]) -> Reading:
     spelled = _without_end(data, field).decode("latin-1")
     wire = None if faults else _spelled_number(field, digits, spelled)
     if wire is None:
@@ -241,77 +263,66 @@ def _without_end(data: bytes, field: Field) -> bytes:
     return data if field.ends_with is None else data.removesuffix(bytes([field.ends_with]))
 
 
-def _padding(walk: _Walk, field: Field, _: int | None) -> Reading:
-    start, data = walk.at, walk.take(field.min_wire_bytes)
-    if field.constant is not None:
-        text, wanted = constant_text(field, raw_number(field, data)), constant_text(field, field.constant)
-        return Reading(field, field.name, start, data, None, "constant" if text == wanted else f"must be {wanted}")
-    text = "padding: ignored" + (", though a sender puts 0 here" if any(data) else "")
+def _padding(walk: _Walk, step: Padding | Constant) -> Reading:
+    field, start = step.field, walk.at
+    data = walk.take(field.size)
+    if isinstance(step, Constant):
+        wanted = constant_text(field, field.constant or 0)
+        text = "constant" if data == step.wire else f"must be {wanted}"
+    else:
+        text = "padding: ignored" + (", though a sender puts 0 here" if any(data) else "")
     return Reading(field, field.name, start, data, None, text)
 
 
-def _bit_fields(walk: _Walk, field: Field, _: int | None) -> Reading:
-    start, data = walk.at, walk.take(field.size)
+def _bit_fields(walk: _Walk, step: Bits) -> Reading:
+    field, start = step.field, walk.at
+    data = walk.take(field.size)
     number = raw_number(field, data)
     parts = []
-    for part, low in bit_places(field):
+    for member in step.members:
+        part = member.field
         if not part.has_value and part.constant is None:
             continue
-        bits = bits_of(part, low, number)
+        bits = member.bits_of(number)
         if part.constant is not None:
             wanted, there = constant_text(part, part.constant), constant_text(part, bits)
             text = f"{there}, a constant" if there == wanted else f"{there}, which must be {wanted}"
             parts.append(Reading(part, part.name, start, b"", None, text))
             continue
         value, text, fault = number_of(part, bits)
-        text = f"{text}, {bits_text(part, low)}"
-        parts.append(Reading(part, part.name, start, b"", value, text, (fault,) if fault else ()))
+        parts.append(Reading(part, part.name, start, b"", value, f"{text}, {member.text}", (fault,) if fault else ()))
     text = f"0x{number:0{2 * field.size}X}, shared by its bits"
     return Reading(field, field.name, start, data, values_of(parts), text, (), tuple(parts))
 
 
-def _structs(walk: _Walk, field: Field, promised: int | None) -> Reading:
-    start = walk.at
-    if field.count is None and not field.is_list:
-        one = _struct(walk, field, field.name)
-        return one
-    parts = []
-    most = field.count or 0
-    if field.is_list:
-        most = field.max_count if promised is None else min(promised, field.max_count)
-    least = field.element_min_bytes
-    for index in range(most):
-        if field.is_list:
-            if least > walk.spare:
-                break
-            walk.spend(least)
-        parts.append(_struct(walk, field, f"{field.name}[{index}]"))
-    data = walk.payload[start : walk.at]
-    of = f" of {field.type_name}" if field.type_name else ""
-    text = f"{len(parts)} element{'s' * (len(parts) != 1)}{of}"
-    return Reading(field, field.name, start, data, [part.value for part in parts], text, (), tuple(parts))
+def _group(walk: _Walk, step: Group) -> Reading:
+    field, start = step.field, walk.at
+    if field.count is None:
+        return _element(walk, step, field.name)
+    parts = [_element(walk, step, f"{field.name}[{index}]") for index in range(field.count)]
+    return _elements(walk, step, start, parts)
 
 
-def _struct(walk: _Walk, field: Field, name: str) -> Reading:
+def _list_of_groups(walk: _Walk, step: List, promised: int | None) -> Reading:
     start = walk.at
     parts: list[Reading] = []
-    walk.read_all(field.fields, parts)
-    data = walk.payload[start : walk.at]
+    while len(parts) < _most(step, promised) and step.stride <= walk.spare:
+        walk.spend(step.stride)
+        parts.append(_element(walk, step, f"{step.field.name}[{len(parts)}]"))
+    return _elements(walk, step, start, parts)
+
+
+def _elements(walk: _Walk, step: Group | List, start: int, parts: list[Reading]) -> Reading:
+    field = step.field
+    of = f" of {field.type_name}" if field.type_name else ""
+    text = f"{len(parts)} element{'s' * (len(parts) != 1)}{of}"
+    values = [part.value for part in parts]
+    return Reading(field, field.name, start, walk.payload[start : walk.at], values, text, (), tuple(parts))
+
+
+def _element(walk: _Walk, step: Group | List, name: str) -> Reading:
+    field, start = step.field, walk.at
+    parts: list[Reading] = []
+    walk.read_all(step.steps, parts)
     text = field.type_name or f"{len(field.fields)} fields"
-    return Reading(field, name, start, data, values_of(parts), text, (), tuple(parts))
-
-
-# One entry for each kind of field in the model.
-_READERS: dict[FieldKind, Callable[[_Walk, Field, int | None], Reading]] = {
-    FieldKind.INTEGER: _numbers,
-    FieldKind.FLOAT: _numbers,
-    FieldKind.BOOL: _numbers,
-    FieldKind.TEXT: _text,
-    FieldKind.BYTES: _bytes,
-    FieldKind.PADDING: _padding,
-    FieldKind.BITS: _bit_fields,
-    FieldKind.STRUCT: _structs,
-}
-
-
-# ---- one number ----
+    return Reading(field, name, start, walk.payload[start : walk.at], values_of(parts), text, (), tuple(parts))

@@ -18,6 +18,7 @@ from wirebond.generate.code.cpp_rules import validate_lines
 from wirebond.generate.code.cpp_shape import Member, Shape, known_enums, member_lines, shape_of, type_blocks
 from wirebond.protocol.model import Address, End, Field, HeaderField, Protocol
 from wirebond.protocol.model.forms import header_fields
+from wirebond.protocol.model.layout import layout_of
 
 STRUCT = "Header"
 
@@ -45,7 +46,7 @@ def header_shape(protocol: Protocol) -> Shape | None:
     fields = fields_of(protocol)
     if not fields:
         return None
-    return shape_of(STRUCT, tuple(replace(f.value, default=f.host_default) for f in fields), {})
+    return shape_of(STRUCT, layout_of(tuple(replace(f.value, default=f.host_default) for f in fields)), {})
 
 
 def ends_differ(protocol: Protocol) -> bool:

@@ -15,7 +15,7 @@ def shapes(protocol: Protocol) -> tuple[dict[str, Shape], dict[str, Shape]]:
     scope = names.Scope(generated_types(protocol))
     named = named_shapes(protocol, scope)
     structs = {m.name: scope.claim(names.type_name(m.name), "Message") for m in protocol.messages}
-    return named, {m.name: shape_of(structs[m.name], m.fields, named) for m in protocol.messages}
+    return named, {m.name: shape_of(structs[m.name], m.layout, named) for m in protocol.messages}
 
 
 def message_shapes(protocol: Protocol) -> dict[str, Shape]:

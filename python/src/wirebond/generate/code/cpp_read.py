@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import assert_never
 
 from wirebond.generate.code import names
 from wirebond.generate.code.cpp_field import Slot, element_type, is_plain, load_integer, read_digits, read_value
@@ -18,11 +19,10 @@ from wirebond.generate.code.cpp_walk import (
     loop,
     product,
     refusal,
-    shifts,
-    times,
     walk,
 )
-from wirebond.protocol.model import Digits, Field, FieldKind
+from wirebond.protocol.model import Field, FieldKind
+from wirebond.protocol.model.layout import Array, Bits, Characters, Constant, Group, List, Number, Padding, Told
 
 _LOCALS = frozenset({"message", "payload", "size", "spare", "found", "wire", "bits", "bytes", *"ijklmnopq"})
 
@@ -45,11 +45,12 @@ class _Told:
         ]
 
 
-def _told_lines(spec: Field, size: str, told: Mapping[str, _Told]) -> list[str]:
+def _told_lines(by: tuple[Told, ...], size: str, most: int, told: Mapping[str, _Told]) -> list[str]:
     """Lines that make what its counts tell its number of elements or bytes."""
-    (name, step), *others = spec.counters
-    lines = told[name].size_lines(size, spec.max_count or spec.max_size, step)
-    return [*lines, *(f"if ({told[other].variable} != {product(by, size)}) return false;" for other, by in others)]
+    first, *others = by
+    lines = told[first.name].size_lines(size, most, first.per)
+    agree = (f"if ({told[one.name].variable} != {product(one.per, size)}) return false;" for one in others)
+    return [*lines, *agree]
 
 
 class Reader:
@@ -64,34 +65,32 @@ class Reader:
         here = here or Here()
         lines: list[str] = []
         told: dict[str, _Told] = {}
-        for member, at, more in walk(shape, here):
-            spec, value, place = member.spec, f"{here.value}.{member.name}", here.place(at)
-            if not spec.has_value:
-                continue
-            if spec.is_count:
-                lines.append(self._tell(spec.name, spec, Slot(place), told))
-            elif spec.kind == FieldKind.BITS:
-                number = load_integer(container(spec), Slot(place))
-                for run, shift in zip(spec.fields, shifts(spec), strict=True):
-                    if run.is_count:
-                        lines.append(self._tell(f"{spec.name}.{run.name}", run, Slot(number, shift=shift), told))
-                lines += self._bits(member, value, number)
-            elif spec.digits is not None:
-                lines += self._digits(spec, spec.digits, value, place, member.type_name, more)
-            elif spec.is_string:
-                lines += self._string(spec, value, place, told, more)
-            elif spec.is_list:
-                lines += self._list(member, here, at, told, more)
-            elif member.shape is not None and spec.count is not None:
-                inner = here.element(member.name, at, spec.element_min_bytes, here.index)
-                body = self.lines(member.shape, inner)
-                lines += loop(here.index, str(spec.count), body) if body else []
-            elif member.shape is not None:
-                lines += self.lines(member.shape, here.inner(member.name, at, more))
-            elif spec.count is not None:
-                lines += self._array(member, here, at)
-            else:
-                lines += read_value(spec, value, Slot(place), member.type_name)
+        for member, step, more in walk(shape, here):
+            spec, value, place = member.spec, f"{here.value}.{member.name}", here.place(step.at)
+            match step:
+                case Number(slot=int()):
+                    lines.append(self._tell(spec.name, spec, Slot(place), told))
+                case Number():
+                    lines += read_value(spec, value, Slot(place), member.type_name)
+                case Array():
+                    lines += self._array(member, here, step.at)
+                case Bits():
+                    number = load_integer(container(spec), Slot(place))
+                    for run in step.members:
+                        if run.slot is not None:
+                            name = f"{spec.name}.{run.field.name}"
+                            lines.append(self._tell(name, run.field, Slot(number, shift=run.low), told))
+                    lines += self._bits(member, step, value, number)
+                case Characters():
+                    lines += self._characters(step, value, place, member.type_name, told, more)
+                case List():
+                    lines += self._list(member, step, here, told, more)
+                case Group():
+                    lines += self._group(member, step, here, more)
+                case Padding() | Constant():
+                    pass
+                case _:
+                    assert_never(step)
         return lines
 
     def _tell(self, name: str, spec: Field, slot: Slot, told: dict[str, _Told]) -> str:
@@ -99,43 +98,44 @@ class Reader:
         told[name] = _Told(self._locals.claim(f"{names.code_name(spec.name)}_count", "_"), spec.width)
         return f"const auto {told[name].variable} = {load_integer(spec, slot)};"
 
-    def _bits(self, member: Member, value: str, number: str) -> list[str]:
+    def _bits(self, member: Member, step: Bits, value: str, number: str) -> list[str]:
         assert member.shape is not None
         if not any(inner.name for inner in member.shape.members):
             return []
-        spec = member.spec
-        lines = [f"const {container_type(spec)} bits = {number};"]
-        for inner, shift in zip(member.shape.members, shifts(spec), strict=True):
+        lines = [f"const {container_type(member.spec)} bits = {number};"]
+        for inner, run in zip(member.shape.members, step.members, strict=True):
             if inner.name:
-                slot = Slot("bits", shift=shift)
+                slot = Slot("bits", shift=run.low)
                 lines += read_value(inner.spec, f"{value}.{inner.name}", slot, inner.type_name)
         return ["{", *indented(lines), "}"]
 
-    def _string(self, spec: Field, value: str, place: str, told: Mapping[str, _Told], more: bool) -> list[str]:
-        if not spec.is_variable:
-            return [f"std::memcpy({value}.data(), {place}, {spec.size});"]
-        size, lines = self._size(spec, place, told)
-        if spec.ends_with is None and not spec.counters and self._trims_zeros and spec.kind == FieldKind.TEXT:
-            last = f"payload[{place.removeprefix('payload + ')} + {size} - 1]"
-            lines.append(f"while ({size} != 0 && {last} == 0) --{size};")  # zeros that pad a payload are not text
-        lines += [
-            f"{value}.size = static_cast<std::uint16_t>({size});",
-            f"std::memcpy({value}.data.data(), {place}, {size});",
-        ]
-        return [*lines, f"payload += {size};", f"spare -= {size};"] if more else lines
-
-    def _digits(self, spec: Field, digits: Digits, value: str, place: str, type_name: str, more: bool) -> list[str]:
+    def _characters(
+        self, step: Characters, value: str, place: str, type_name: str, told: Mapping[str, _Told], more: bool
+    ) -> list[str]:
+        spec = step.field
+        if spec.size and spec.digits is not None:
+            return read_digits(spec, spec.digits, value, place, str(spec.size), type_name)
         if spec.size:
-            return read_digits(spec, digits, value, place, str(spec.size), type_name)
-        size, lines = self._size(spec, place, {})
-        lines += read_digits(spec, digits, value, place, size, type_name)
+            return [f"std::memcpy({value}.data(), {place}, {spec.size});"]
+        size, lines = self._size(step, place, told)
+        if spec.digits is not None:
+            lines += read_digits(spec, spec.digits, value, place, size, type_name)
+        else:
+            if spec.ends_with is None and not step.told and self._trims_zeros and spec.kind == FieldKind.TEXT:
+                last = f"payload[{place.removeprefix('payload + ')} + {size} - 1]"
+                lines.append(f"while ({size} != 0 && {last} == 0) --{size};")  # zeros that pad a payload are not text
+            lines += [
+                f"{value}.size = static_cast<std::uint16_t>({size});",
+                f"std::memcpy({value}.data.data(), {place}, {size});",
+            ]
         return [*lines, f"payload += {size};", f"spare -= {size};"] if more else lines
 
-    def _size(self, spec: Field, place: str, told: Mapping[str, _Told]) -> tuple[str, list[str]]:
+    def _size(self, step: Characters, place: str, told: Mapping[str, _Told]) -> tuple[str, list[str]]:
         """The variable with the bytes of what varies in size, and the lines that declare it."""
+        spec = step.field
         size = self._locals.claim(f"{names.code_name(spec.name)}_size", "_")
-        if spec.counters:
-            return size, [*_told_lines(spec, size, told), f"if ({size} > spare) return false;"]
+        if step.told:
+            return size, [*_told_lines(step.told, size, spec.max_size, told), f"if ({size} > spare) return false;"]
         if spec.ends_with is not None:
             most = f"spare < {spec.max_size} ? spare : {spec.max_size}"
             return size, [
@@ -144,34 +144,41 @@ class Reader:
             ]
         return size, [f"std::size_t {size} = spare;", f"if ({size} > {spec.max_size}) {size} = {spec.max_size};"]
 
-    def _list(self, member: Member, here: Here, at: int, told: Mapping[str, _Told], more: bool) -> list[str]:
+    def _group(self, member: Member, step: Group, here: Here, more: bool) -> list[str]:
+        assert member.shape is not None
+        if member.spec.count is None:
+            return self.lines(member.shape, here.inner(member.name, step.at, more))
+        body = self.lines(member.shape, here.element(member.name, step.at, step.stride, here.index))
+        return loop(here.index, str(member.spec.count), body)
+
+    def _list(self, member: Member, step: List, here: Here, told: Mapping[str, _Told], more: bool) -> list[str]:
         spec, value, index = member.spec, f"{here.value}.{member.name}", here.index
-        stride = spec.element_min_bytes
+        stride = step.stride
         varies = any(field.is_variable for field in spec.fields)
         size = self._locals.claim(f"{names.code_name(spec.name)}_size", "_")
         if member.shape is not None:
-            body = self.lines(member.shape, here.element(member.name, at, stride, index, ".data"))
+            body = self.lines(member.shape, here.element(member.name, step.at, stride, index, ".data"))
         else:
-            slot = element_slot(spec, here, at, index)
+            slot = element_slot(spec, here, step.at, index)
             body = read_value(spec, f"{value}.data[{index}]", slot, member.type_name)
-        if spec.counters:
-            lines = _told_lines(spec, size, told)
+        if step.told:
+            lines = _told_lines(step.told, size, spec.max_count, told)
         elif varies:
             lines = [f"std::size_t {size} = 0;"]
         else:
             there = "spare" if stride == 1 else f"spare / {stride}"
             lines = [f"const std::size_t {size} = {there} < {spec.max_count} ? {there} : {spec.max_count};"]
-        if varies and not spec.counters:
+        if varies and not step.told:
             head = f"for (std::size_t {index} = 0; {index} < {spec.max_count} && spare >= {stride}; ++{index}) {{"
             lines += [head, *indented([f"spare -= {stride};", *body, f"++{size};"]), "}"]
         elif varies:
             lines += loop(index, size, [f"if (spare < {stride}) return false;", f"spare -= {stride};", *body])
         else:
-            lines += [f"if ({times(spec, size)} > spare) return false;"] if spec.counters else []
-            lines += [f"spare -= {times(spec, size)};"] if more else []
+            lines += [f"if ({product(stride, size)} > spare) return false;"] if step.told else []
+            lines += [f"spare -= {product(stride, size)};"] if more else []
             lines += loop(index, size, body)
         lines.append(f"{value}.size = static_cast<std::uint16_t>({size});")
-        return [*lines, f"payload += {times(spec, size)};"] if more else lines
+        return [*lines, f"payload += {product(stride, size)};"] if more else lines
 
     def _array(self, member: Member, here: Here, at: int) -> list[str]:
         spec, value, index = member.spec, f"{here.value}.{member.name}", here.index

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from wirebond.generate.code import names
 from wirebond.generate.code.cpp_field import element_type, enum_lines, flags_lines, initial_value, member_comment
 from wirebond.protocol.model import Field, FieldKind, Protocol
+from wirebond.protocol.model.layout import BitMember, Step, layout_of
 
 
 @dataclass(frozen=True)
 class Member:
-    """A field and what it is called. ``name`` is empty for padding and for fields that count: they are no members."""
+    """A part of a layout and what it is called. ``name`` is empty for padding and for fields that count: they are no
+    members."""
 
-    spec: Field
+    part: Step | BitMember
     name: str
     type_name: str  # of its enum, flags or struct, by its full name; empty where it has none
     shape: Shape | None  # of its struct
+
+    @property
+    def spec(self) -> Field:
+        return self.part.field
 
     @property
     def is_own_type(self) -> bool:
@@ -40,21 +46,23 @@ class Shape:
         return next(m for m in self.members if m.spec.name == field)
 
 
-def shape_of(path: str, fields: tuple[Field, ...], named: Mapping[str, Shape]) -> Shape:
-    """The struct for these fields. ``named``: those of the file's types, by their names in the file."""
+def shape_of(path: str, parts: Sequence[Step | BitMember], named: Mapping[str, Shape]) -> Shape:
+    """The struct for these parts of a layout. ``named``: those of the file's types, by their names in the file."""
+    fields = [part.field for part in parts]
     scope = names.Scope(frozenset({path.rpartition("::")[2], "Info", *(shape.path for shape in named.values())}))
     hidden = {f.name for f in fields if not f.has_value or f.is_count or f.only_counts}
     members = {f.name: "" if f.name in hidden else scope.claim(names.identifier(f.name), "_") for f in fields}
     found = []
-    for spec in fields:
+    for part in parts:
+        spec = part.field
         type_name, shape = "", None
         if spec.type_name:
             shape = named[spec.type_name]
             type_name = shape.path
         elif spec.enum or spec.flags or spec.fields:
             type_name = f"{path}::{scope.claim(names.type_name(spec.name), 'Value')}"
-            shape = shape_of(type_name, spec.fields, named) if spec.fields else None
-        found.append(Member(spec, members[spec.name], type_name, shape))
+            shape = shape_of(type_name, part.parts, named) if part.parts else None
+        found.append(Member(part, members[spec.name], type_name, shape))
     return Shape(path, tuple(found))
 
 
@@ -67,7 +75,7 @@ def named_shapes(protocol: Protocol, scope: names.Scope) -> dict[str, Shape]:
             visit(field.fields)
             if field.type_name and field.type_name not in found:
                 path = scope.claim(names.type_name(field.type_name), "Type")
-                found[field.type_name] = shape_of(path, field.fields, found)
+                found[field.type_name] = shape_of(path, layout_of(field.fields), found)
 
     for message in protocol.messages:
         visit(message.fields)

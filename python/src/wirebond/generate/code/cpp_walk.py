@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from wirebond.generate.code.cpp_field import Slot, element_type
 from wirebond.generate.code.cpp_shape import Member, Shape
 from wirebond.protocol.model import ByteOrder, Field, FieldKind
-from wirebond.protocol.payload_rules import bit_places
+from wirebond.protocol.model.layout import Step
 
 
 @dataclass(frozen=True)
@@ -59,17 +59,11 @@ def loop(index: str, end: str, lines: list[str]) -> list[str]:
     return [head, *indented(lines), "}"] if lines else []
 
 
-def walk(shape: Shape, here: Here) -> Iterator[tuple[Member, int, bool]]:
-    """Each member, its place among the others, and whether something follows it."""
-    at = 0
+def walk(shape: Shape, here: Here) -> Iterator[tuple[Member, Step, bool]]:
+    """Each member with its step, and whether something follows it."""
     for number, member in enumerate(shape.members):
-        yield member, at, here.more or number + 1 < len(shape.members)
-        at += member.spec.min_wire_bytes
-
-
-def shifts(spec: Field) -> list[int]:
-    """Of bit fields, the place of each one's lowest bit."""
-    return [low for _, low in bit_places(spec)]
+        assert isinstance(member.part, Step), "the bits of a number are walked with it"
+        yield member, member.part, here.more or number + 1 < len(shape.members)
 
 
 def container_type(spec: Field) -> str:
@@ -95,11 +89,6 @@ def element_slot(spec: Field, here: Here, at: int, index: str) -> Slot:
 
 def product(step: int, number: str) -> str:
     return number if step == 1 else f"{step} * {number}"
-
-
-def times(spec: Field, count: str) -> str:
-    """Least wire bytes of this many elements."""
-    return count if spec.element_min_bytes == 1 else f"{spec.element_min_bytes} * {count}"
 
 
 def refusal(number: str, most: int, bits: int) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import assert_never
 
 from wirebond.generate.code.cpp_field import (
     Slot,
@@ -25,11 +26,10 @@ from wirebond.generate.code.cpp_walk import (
     loop,
     product,
     refusal,
-    shifts,
-    times,
     walk,
 )
-from wirebond.protocol.model import Field, FieldKind
+from wirebond.protocol.model import Field
+from wirebond.protocol.model.layout import Array, Bits, Characters, Constant, Group, List, Number, Padding, Told
 
 
 def write_lines(shape: Shape, here: Here | None = None) -> list[str]:
@@ -37,48 +37,52 @@ def write_lines(shape: Shape, here: Here | None = None) -> list[str]:
     here = here or Here()
     lines: list[str] = []
     counted: dict[str, str] = {}  # field that counts -> the number that the first one that it counts gives it
-    for member, at, more in walk(shape, here):
-        spec, value, place = member.spec, f"{here.value}.{member.name}", here.place(at)
-        for name, step in spec.counters:
-            own = product(step, f"{value}.size")
-            if counted[name] != own:
-                lines.append(f"if ({own} != {counted[name]}) return false;")
-        if not spec.has_value and spec.constant:
-            letters = "".join(f"\\x{byte:02X}" for byte in spec.constant_bytes)
-            lines.append(f'std::memcpy({place}, "{letters}", {spec.size});')
-        elif not spec.has_value:
-            lines.append(f"std::memset({place}, 0, {spec.size});")
-        elif spec.is_count:
-            lines += _count_lines(shape, here, spec.name, counted)
-            lines.append(store_container(spec, _as_type(spec, counted[spec.name]), place))
-        elif spec.kind == FieldKind.BITS:
-            for run in (f"{spec.name}.{one.name}" for one in spec.fields if one.is_count):
-                lines += _count_lines(shape, here, run, counted)
-            lines += _write_bits(member, value, place, counted)
-        elif spec.digits is not None:
-            lines += write_digits(spec, spec.digits, value, place, more)
-        elif spec.is_string:
-            lines += _write_string(spec, value, place, more)
-        elif spec.is_list:
-            lines += _write_list(member, here, at, more)
-        elif member.shape is not None and spec.count is not None:
-            inner = here.element(member.name, at, spec.element_min_bytes, here.index)
-            lines += loop(here.index, str(spec.count), write_lines(member.shape, inner))
-        elif member.shape is not None:
-            lines += write_lines(member.shape, here.inner(member.name, at, more))
-        elif spec.count is not None:
-            lines += _write_array(member, here, at)
-        else:
-            lines += write_value(spec, value, Slot(place))
+    for member, step, more in walk(shape, here):
+        spec, value, place = member.spec, f"{here.value}.{member.name}", here.place(step.at)
+        match step:
+            case Padding():
+                lines.append(f"std::memset({place}, 0, {spec.size});")
+            case Constant() if not any(step.wire):
+                lines.append(f"std::memset({place}, 0, {spec.size});")
+            case Constant():
+                letters = "".join(f"\\x{byte:02X}" for byte in step.wire)
+                lines.append(f'std::memcpy({place}, "{letters}", {spec.size});')
+            case Number(slot=int()):
+                lines += _count_lines(shape, here, spec.name, counted)
+                lines.append(store_container(spec, _as_type(spec, counted[spec.name]), place))
+            case Number():
+                lines += write_value(spec, value, Slot(place))
+            case Array():
+                lines += _write_array(member, here, step.at)
+            case Bits():
+                for run in (f"{spec.name}.{one.field.name}" for one in step.members if one.slot is not None):
+                    lines += _count_lines(shape, here, run, counted)
+                lines += _write_bits(member, step, value, place, counted)
+            case Characters():
+                lines += _agree_lines(step.told, value, counted)
+                lines += _write_characters(step, value, place, more)
+            case List():
+                lines += _agree_lines(step.told, value, counted)
+                lines += _write_list(member, step, here, more)
+            case Group():
+                lines += _write_group(member, step, here, more)
+            case _:
+                assert_never(step)
     return lines
+
+
+def _agree_lines(told: tuple[Told, ...], value: str, counted: Mapping[str, str]) -> list[str]:
+    """Lines that refuse another size than that of what the same fields count already."""
+    sizes = [(product(one.per, f"{value}.size"), counted[one.name]) for one in told]
+    return [f"if ({own} != {other}) return false;" for own, other in sizes if own != other]
 
 
 def _count_lines(shape: Shape, here: Here, name: str, counted: dict[str, str]) -> list[str]:
     """Note what a field that counts is given; the lines that refuse more than it may tell."""
-    first, step = next((m, step) for m in shape.members for counter, step in m.spec.counters if counter == name)
+    first, per = next((m, per) for m in shape.members for counter, per in m.spec.counters if counter == name)
     size = f"{here.value}.{first.name}.size"
     is_refused = any(number.endswith(size) for number in counted.values())
-    counted[name] = product(step, size)
+    counted[name] = product(per, size)
     return [] if is_refused else refusal(size, first.spec.max_count or first.spec.max_size, 16)
 
 
@@ -86,17 +90,17 @@ def _as_type(spec: Field, number: str) -> str:
     return f"static_cast<{element_type(spec, '')}>({number})"
 
 
-def _write_bits(member: Member, value: str, place: str, counted: Mapping[str, str]) -> list[str]:
+def _write_bits(member: Member, step: Bits, value: str, place: str, counted: Mapping[str, str]) -> list[str]:
     assert member.shape is not None
     spec = member.spec
-    fixed = sum((inner.constant or 0) << shift for inner, shift in zip(spec.fields, shifts(spec), strict=True))
+    fixed = sum((run.field.constant or 0) << run.low for run in step.members)
     lines = [f"{container_type(spec)} bits = {integer(fixed)};"]
-    for inner, shift in zip(member.shape.members, shifts(spec), strict=True):
-        slot = Slot("bits", shift=shift)
-        if inner.spec.is_count:
-            lines += write_value(inner.spec, _as_type(inner.spec, counted[f"{spec.name}.{inner.spec.name}"]), slot)
+    for inner, run in zip(member.shape.members, step.members, strict=True):
+        slot = Slot("bits", shift=run.low)
+        if run.slot is not None:
+            lines += write_value(run.field, _as_type(run.field, counted[f"{spec.name}.{run.field.name}"]), slot)
         elif inner.name:
-            lines += write_value(inner.spec, f"{value}.{inner.name}", slot)
+            lines += write_value(run.field, f"{value}.{inner.name}", slot)
     return ["{", *indented([*lines, store_container(spec, "bits", place)]), "}"]
 
 
@@ -107,13 +111,16 @@ def _has_mark(data: str, size: str, mark: bytes) -> str:
     )
 
 
-def _write_string(spec: Field, value: str, place: str, more: bool) -> list[str]:
+def _write_characters(step: Characters, value: str, place: str, more: bool) -> list[str]:
+    spec = step.field
+    if spec.digits is not None:
+        return write_digits(spec, spec.digits, value, place, more)
     if not spec.is_variable:
         return [
             *(f"if ({_has_mark(f'{value}.data()', str(spec.size), mark)}) return false;" for mark in spec.excludes),
             f"std::memcpy({place}, {value}.data(), {spec.size});",
         ]
-    lines = [] if spec.counted_by else refusal(f"{value}.size", spec.max_size, 16)
+    lines = [] if step.told else refusal(f"{value}.size", spec.max_size, 16)
     data, size = f"{value}.data.data()", f"{value}.size"
     lines += [f"if ({_has_mark(data, size, mark)}) return false;" for mark in spec.excludes]
     if spec.ends_with is not None:
@@ -124,16 +131,24 @@ def _write_string(spec: Field, value: str, place: str, more: bool) -> list[str]:
     return [*lines, f"payload += {value}.size;"] if more else lines
 
 
-def _write_list(member: Member, here: Here, at: int, more: bool) -> list[str]:
+def _write_group(member: Member, step: Group, here: Here, more: bool) -> list[str]:
+    assert member.shape is not None
+    if member.spec.count is None:
+        return write_lines(member.shape, here.inner(member.name, step.at, more))
+    inner = here.element(member.name, step.at, step.stride, here.index)
+    return loop(here.index, str(member.spec.count), write_lines(member.shape, inner))
+
+
+def _write_list(member: Member, step: List, here: Here, more: bool) -> list[str]:
     spec, value, index = member.spec, f"{here.value}.{member.name}", here.index
-    lines = [] if spec.counted_by else refusal(f"{value}.size", spec.max_count, 16)
+    lines = [] if step.told else refusal(f"{value}.size", spec.max_count, 16)
     if member.shape is not None:
-        inner = here.element(member.name, at, spec.element_min_bytes, index, ".data")
+        inner = here.element(member.name, step.at, step.stride, index, ".data")
         body = write_lines(member.shape, inner)
     else:
-        body = write_value(spec, f"{value}.data[{index}]", element_slot(spec, here, at, index))
+        body = write_value(spec, f"{value}.data[{index}]", element_slot(spec, here, step.at, index))
     lines += loop(index, f"{value}.size", body)
-    return [*lines, f"payload += {times(spec, f'{value}.size')};"] if more else lines
+    return [*lines, f"payload += {product(step.stride, f'{value}.size')};"] if more else lines
 
 
 def _write_array(member: Member, here: Here, at: int) -> list[str]:
@@ -150,24 +165,23 @@ def size_lines(shape: Shape, here: Here | None = None) -> list[str]:
     """Lines that add to ``bytes`` what fields of varying size take beyond their least."""
     here = here or Here()
     lines = []
-    for member, at, more in walk(shape, here):
+    for member, step, more in walk(shape, here):
         spec, value = member.spec, f"{here.value}.{member.name}"
         if not spec.is_variable:
             continue
-        if spec.digits is not None:
-            lines.append(f"bytes += {digits_size(spec, spec.digits, value)};")
-        elif spec.is_string:
-            lines.append(f"bytes += {value}.size;")
-        if spec.is_list:
-            lines.append(f"bytes += {times(spec, f'{value}.used()')};")
-        if member.shape is not None:
-            repeats = spec.is_list or spec.count is not None
-            inner = (
-                here.element(member.name, at, 0, here.index, ".data" if spec.is_list else "")
-                if repeats
-                else here.inner(member.name, at, more)
-            )
-            body = size_lines(member.shape, inner)
-            end = f"{value}.used()" if spec.is_list else str(spec.count)
-            lines += loop(here.index, end, body) if repeats else body
+        match step:
+            case Characters() if spec.digits is not None:
+                lines.append(f"bytes += {digits_size(spec, spec.digits, value)};")
+            case Characters():
+                lines.append(f"bytes += {value}.size;")
+            case List():
+                lines.append(f"bytes += {product(step.stride, f'{value}.used()')};")
+                if member.shape is not None:
+                    inner = here.element(member.name, step.at, 0, here.index, ".data")
+                    lines += loop(here.index, f"{value}.used()", size_lines(member.shape, inner))
+            case Group() if member.shape is not None and spec.count is not None:
+                inner = here.element(member.name, step.at, 0, here.index)
+                lines += loop(here.index, str(spec.count), size_lines(member.shape, inner))
+            case Group() if member.shape is not None:
+                lines += size_lines(member.shape, here.inner(member.name, step.at, more))
     return lines

@@ -26,7 +26,7 @@ from wirebond.protocol.model import (
     Protocol,
     Queue,
 )
-from wirebond.protocol.payload_rules import bit_places, bits_text
+from wirebond.protocol.model.layout import members_of
 from wirebond.protocol.spelling import field_type, how_counted, match_text, match_texts
 
 
@@ -145,9 +145,10 @@ def _described(field: Field) -> tuple[Field, ...]:
     if field.kind != FieldKind.BITS:
         return field.fields
     found = []
-    for part, low in bit_places(field):
-        bits = bits_text(part, low)
-        found.append(replace(part, description=f"{bits}; {part.description}" if part.description else bits))
+    for member in members_of(field):
+        part = member.field
+        description = f"{member.text}; {part.description}" if part.description else member.text
+        found.append(replace(part, description=description))
     return tuple(found)
 
 

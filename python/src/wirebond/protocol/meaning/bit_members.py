@@ -8,7 +8,7 @@ from dataclasses import replace
 from wirebond.protocol import names
 from wirebond.protocol.meaning.fields import read_bit_field
 from wirebond.protocol.model import BitOrder, Field, FieldKind
-from wirebond.protocol.payload_rules import bit_places
+from wirebond.protocol.model.layout import members_of
 from wirebond.protocol.problems import Problems, suggestion
 from wirebond.protocol.text.field_grammar import BitFieldSyntax
 from wirebond.protocol.text.syntax import readable
@@ -74,10 +74,11 @@ class BitMembers:
 def with_pieces(container: Field, node: Mapping) -> Field:
     """The number with the places of all pieces of its values."""
     found: dict[str, list[tuple[int, int]]] = defaultdict(list)
-    for member, low in bit_places(container):
-        syntax = readable(BitFieldSyntax, node.entries[member.name].value)
-        base = syntax.continues if syntax is not None and syntax.continues is not None else member.name
-        found[base].append((low, member.bits_here))
+    for member in members_of(container):
+        name = member.field.name
+        syntax = readable(BitFieldSyntax, node.entries[name].value)
+        base = syntax.continues if syntax is not None and syntax.continues is not None else name
+        found[base].append((member.low, member.field.bits_here))
     step = -1 if container.first == BitOrder.HIGH else 1
     fields = (
         replace(member, split=tuple(found[member.name][::step])) if member.own_bits else member

@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
 
 from wirebond.protocol.model.fields import ByteOrder, End, Field
+from wirebond.protocol.model.layout import Step, layout_of
 
 _INDEX = re.compile(r"\[\d+\]")  # in the name of a column
 
@@ -111,6 +113,11 @@ class Message:
     @property
     def max_payload(self) -> int:
         return sum(f.max_wire_bytes for f in self.fields)
+
+    @cached_property
+    def layout(self) -> tuple[Step, ...]:
+        """The payload, step by step."""
+        return layout_of(self.fields)
 
     def field_at(self, column: str) -> Field | None:
         """The field of a column, such as `joints[3].position`; None: no field has its values."""
