@@ -67,6 +67,50 @@ def test_check_works_the_files_examples_out_again() -> None:
     assert [f["line"] for f in report["findings"] if f["rule"] == "example"] == [14, 15, 16]
 
 
+LAID_OUT = """
+wirebond: 1
+protocol: laid_out
+frame: [magic: 0xA5, id: u8, payload: by_id, check: crc-16/modbus]
+messages:
+  scan:
+    id: 1
+    sender: mcu
+    fields:
+      version: {type: u8, constant: 3}
+      state: {bits: {type: u8, fields: {mode: {type: u3}, number: {type: u4}}}}
+      points: {group: {count: state.number, max: 15, fields: {x: {type: i16}}}}
+      last: {type: u32}
+  stop: {id: 2, sender: host}
+"""
+
+
+def test_check_shows_the_layout_of_payloads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "laid_out.yaml"
+    path.write_text(LAID_OUT)
+    assert main(["check", str(path), "--layout"]) == 0
+    assert capsys.readouterr().out.splitlines()[1:] == [
+        "",
+        "scan: 6 to 36 bytes from the mcu",
+        "     at      bytes",
+        "      0          1  version   constant 0x03",
+        "      1          1  state     bits of u8",
+        "                      mode    bits 0 to 2: u3",
+        "                      number  bits 3 to 6: u4, counts points",
+        "      2    0 to 30  points    up to 15 of struct, as many as state.number says",
+        "     +0          2    x       i16",
+        "     2…          4  last      u32",
+        "",
+        "stop: 0 bytes from the host",
+    ]
+    assert main(["check", str(path), "--layout", "--json"]) == 0
+    scan = json.loads(capsys.readouterr().out)["layout"]["scan"]
+    assert [(step["step"], step["at"], step["bytes"]) for step in scan] == [
+        ("constant", 0, [1, 1]), ("bits", 1, [1, 1]), ("list", 2, [0, 30]), ("number", 2, [4, 4]),
+    ]  # fmt: skip
+    assert scan[1]["members"][1] == {"name": "number", "type": "u4", "bits": [[3, 4]]}
+    assert scan[2]["told"] == [{"by": "state.number", "per": 1}]
+
+
 def test_check_names_file_line_and_column_and_exits_with_1(tmp_path: Path) -> None:
     file = tmp_path / "wrong.yaml"
     file.write_text(Path(DIFFDRIVE).read_text().replace("type: i16, unit: m/s", "type: i17, unit: m/s"))

@@ -74,6 +74,25 @@ def _digits_text(digits: Digits) -> str:
     return f"decimal digits, {digits.decimals} behind the point" if digits.decimals else "decimal digits"
 
 
+def repeated_type(field: Field) -> str:
+    """Its type, and how often it occurs: ``3 of i16``, ``up to 16 of point, as many as number says``."""
+    word = field_type(field) if field.constant is None else "constant"
+    if field.packed is not None:
+        word += f", packed from the {field.packed.value}est bit"
+    if field.count is not None:
+        return f"{field.count} of {word}"
+    if field.is_list:
+        return f"up to {field.max_count} of {word}, {_how_many(field)}"
+    return f"{word}, {_how_many(field)}" if field.is_characters and field.size == 0 else word
+
+
+def _how_many(field: Field) -> str:
+    if field.ends_with is not None:
+        return f"up to {field.max_size} bytes and a 0x{field.ends_with:02X} behind them"
+    asked = f"; {field.asked_by} of the request says how many" if field.asked_by else ""
+    return (how_counted(field) or "to the payload's end") + asked
+
+
 def ranges_text(parts: tuple[Part, ...], ranges: tuple[tuple[int, int], ...]) -> str:
     """``id..payload``, ``payload`` alone or ``[id..length, payload]``, as behind ``over:``."""
     # A check among shared bits is meant with the part that has them.

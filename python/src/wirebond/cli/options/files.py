@@ -29,12 +29,15 @@ def check(
     ] = None,
     thorough: Annotated[bool, typer.Option("--thorough", help="Measure with twenty times as many samples.")] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Exit 1 for warnings, too.")] = False,
+    layout: Annotated[
+        bool, typer.Option("--layout", help="Show instead which bytes of each payload have which value.")
+    ] = False,
 ) -> None:
     """Say what is wrong with a protocol file, and what its link will do badly, in figures that are measured."""
     from wirebond.cli.commands.check import check_file
 
     raise_from_here()
-    raise typer.Exit(check_file(file, as_json, traffic, thorough, strict))
+    raise typer.Exit(check_file(file, as_json, traffic, thorough, strict, layout))
 
 
 @commands.command()

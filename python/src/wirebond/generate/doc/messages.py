@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 from wirebond.analysis.check.wording import seconds
 from wirebond.analysis.explain.constants import constant_text
@@ -18,7 +17,6 @@ from wirebond.protocol.meaning.messages import spoken
 from wirebond.protocol.model import (
     End,
     Field,
-    FieldKind,
     Message,
     OnRange,
     PartKind,
@@ -26,8 +24,8 @@ from wirebond.protocol.model import (
     Protocol,
     Queue,
 )
-from wirebond.protocol.model.layout import members_of
-from wirebond.protocol.spelling import field_type, how_counted, match_text, match_texts
+from wirebond.protocol.model.layout import Bits, Group, List, Step
+from wirebond.protocol.spelling import match_text, match_texts, repeated_type
 
 
 def id_text(protocol: Protocol, message: Message) -> str:
@@ -108,66 +106,47 @@ def _fields(protocol: Protocol, message: Message) -> list[str]:
     if not message.fields:
         what = f"It has no fields: its {padding} payload bytes are zeros." if padding else "It has no fields."
         return [what, ""]
-    rows = _rows(message.fields, 0, 0)[0]
+    rows = _rows(message.layout, 0, 0)
     if padding:
         rows.append((str(message.max_payload), str(padding), "", "", "zeros", "", "", "up to the fixed size"))
     heads = (">offset", ">bytes", "field", "type", "value", "unit", "range", "meaning")
     return [*table(heads, rows), ""]
 
 
-def _rows(fields: tuple[Field, ...], at: int | None, level: int) -> tuple[list[tuple[str, ...]], int | None]:
-    """A row for each field and for those within it. Offsets are given as long as nothing before varies in size; within
-    what repeats they count from its first element. Also the offset behind the last field."""
+def _rows(steps: tuple[Step, ...], base: int | None, level: int) -> list[tuple[str, ...]]:
+    """A row for each step and for those within it. Offsets are given as long as nothing before varies in size; within
+    what repeats they count from its first element.
+
+    :param base: the offset of the first step; None: it is not known.
+    """
     rows: list[tuple[str, ...]] = []
-    for field in fields:
-        offset = "" if at is None else str(at)
-        least, most = field.min_wire_bytes, field.max_wire_bytes
-        size = "" if least == most == 0 else str(least) if least == most else f"{least} to {most}"
-        name = "- " * level + field.name
-        meaning = field.description or ("sent as 0, ignored" if not field.has_value else "")
-        if field.clock is not None:
-            stamp = "when these values were measured, on the MCU's clock"
-            meaning = f"{stamp}; {field.description}" if field.description else stamp
-        value = value_of(field)
-        if field.constant is not None:
-            meaning = field.description or "a frame with another value is no frame"
-            value = f"always {constant_text(field, field.constant)}"
-        rows.append((offset, size, name, _type(field), value, field.unit, _range(field), meaning))
-        if field.fields:
-            inner = None if field.kind == FieldKind.BITS else at
-            rows += _rows(_described(field), inner, level + 1)[0]
-        at = None if at is None or field.is_variable else at + most
-    return rows, at
+    for step in steps:
+        at = None if base is None else base + step.at
+        rows.append(_row(step.field, at, level, step.field.description))
+        if isinstance(step, Bits):
+            for run in step.members:
+                described = f"{run.text}; {run.field.description}" if run.field.description else run.text
+                rows.append(_row(run.field, None, level + 1, described))
+        elif isinstance(step, Group | List):
+            rows += _rows(step.steps, at, level + 1)
+        base = None if step.field.is_variable else base
+    return rows
 
 
-def _described(field: Field) -> tuple[Field, ...]:
-    """Bit fields say which bits they are."""
-    if field.kind != FieldKind.BITS:
-        return field.fields
-    found = []
-    for member in members_of(field):
-        part = member.field
-        description = f"{member.text}; {part.description}" if part.description else member.text
-        found.append(replace(part, description=description))
-    return tuple(found)
-
-
-def _type(field: Field) -> str:
-    word = field_type(field) if field.constant is None else "constant"
-    if field.packed is not None:
-        word += f", packed from the {field.packed.value}est bit"
-    if field.count is not None:
-        return f"{field.count} of {word}"
-    if field.is_list:
-        return f"up to {field.max_count} of {word}, {_how_many(field)}"
-    return f"{word}, {_how_many(field)}" if field.is_characters and field.size == 0 else word
-
-
-def _how_many(field: Field) -> str:
-    if field.ends_with is not None:
-        return f"up to {field.max_size} bytes and a 0x{field.ends_with:02X} behind them"
-    asked = f"; {field.asked_by} of the request says how many" if field.asked_by else ""
-    return (how_counted(field) or "to the payload's end") + asked
+def _row(field: Field, at: int | None, level: int, description: str) -> tuple[str, ...]:
+    least, most = field.min_wire_bytes, field.max_wire_bytes
+    size = "" if least == most == 0 else str(least) if least == most else f"{least} to {most}"
+    meaning = description or ("" if field.has_value else "sent as 0, ignored")
+    if field.clock is not None:
+        stamp = "when these values were measured, on the MCU's clock"
+        meaning = f"{stamp}; {description}" if description else stamp
+    value = value_of(field)
+    if field.constant is not None:
+        meaning = description or "a frame with another value is no frame"
+        value = f"always {constant_text(field, field.constant)}"
+    name = "- " * level + field.name
+    offset = "" if at is None else str(at)
+    return offset, size, name, repeated_type(field), value, field.unit, _range(field), meaning
 
 
 def value_of(field: Field) -> str:
