@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <random>
+#include <type_traits>
 #include <vector>
 
 #include "wirebond/list.hpp"
@@ -103,6 +104,31 @@ TEST_CASE("decimal digits are a number, and what is no digit is above all of the
     CHECK(wirebond::to_bits<16, Coding::bcd>(number, raw));
     CHECK(wirebond::from_bits<std::uint32_t, 16, Coding::bcd>(raw) == number);
   }
+}
+
+namespace {
+
+/// Whether a coding that only run time knows gives all numbers of `Width` bits as `from_bits` and `to_bits` do.
+template <class T, unsigned Width, Coding Encoding>
+bool agrees_at_run_time() {
+  for (std::uint64_t raw = 0; raw <= wirebond::low_bits(Width); ++raw) {
+    const T number = wirebond::from_bits<T, Width, Encoding>(raw);
+    const auto wide = static_cast<std::uint64_t>(number);
+    if (wirebond::number_of_bits(raw, Width, Encoding, std::is_signed_v<T>) != wide) return false;
+    std::uint64_t back = 0;
+    if (!wirebond::to_bits<Width, Encoding>(number, back)) continue;  // digits that are none
+    if (wirebond::bits_of_number(wide, Width, Encoding) != back) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+TEST_CASE("a coding that only run time knows means the same numbers") {
+  CHECK(agrees_at_run_time<std::uint16_t, 9, Coding::binary>());
+  CHECK(agrees_at_run_time<std::int16_t, 9, Coding::binary>());
+  CHECK(agrees_at_run_time<std::int16_t, 9, Coding::sign_magnitude>());
+  CHECK(agrees_at_run_time<std::uint16_t, 12, Coding::bcd>());
 }
 
 TEST_CASE("a number whose bits lie in several places is gathered from them, its lowest piece first") {

@@ -80,10 +80,11 @@ def look(server: int, address: str, page: Page) -> Look:
 def looks(
     browser: Browser, folder: Path, rate: int, width: float, settle: float, seconds: float, every: float
 ) -> list[Look]:
-    """For so long, and until a quarter of a second's messages have come. The page shows its table and two plots of
-    eight fields, ``width`` seconds wide. ``settle``: before the first."""
+    """For so long, and until as many messages have come as nearly all of this time brings. The page shows its table and
+    two plots of eight fields, ``width`` seconds wide. ``settle``: before the first."""
+    wanted = 0.9 * rate * seconds  # on a busy machine a pty overflows: then it takes longer
     layout = json.dumps(json.dumps({**LAYOUT, "seconds": width}))
-    with served(folder, settle + seconds + 4 * PATIENCE, rate) as (server, address):
+    with served(folder, settle + 4 * seconds + 4 * PATIENCE, rate) as (server, address):
         page = browser.new_page(viewport={"width": 1280, "height": 720})
         page.set_default_timeout(PATIENCE * 1000)
         page.add_init_script(f"localStorage.setItem('wirebond.layout.console_bench', {layout})")
@@ -91,10 +92,12 @@ def looks(
         page.locator("[data-newest]").nth(1).wait_for()
         page.wait_for_timeout(settle * 1000)
         found = [look(server, address, page)]
-        for _ in moments(lambda: f"messages; {found[0]} was the first look, {found[-1]} the last", seconds + PATIENCE):
+        for _ in moments(
+            lambda: f"messages; {found[0]} was the first look, {found[-1]} the last", 4 * seconds + PATIENCE
+        ):
             page.wait_for_timeout(every * 1000)
             found.append(look(server, address, page))
-            if found[-1].t - found[0].t >= seconds and found[-1].messages > found[0].messages + rate / 4:
+            if found[-1].t - found[0].t >= seconds and found[-1].messages > found[0].messages + wanted:
                 break
         return found
 
@@ -112,9 +115,6 @@ def test_memory_stays_for_some_seconds(browser: Browser, tmp_path: Path) -> None
 
 @pytest.mark.long
 def test_memory_stays_for_ten_minutes(browser: Browser, tmp_path: Path) -> None:
-    rate = 8000
-    found = looks(browser, tmp_path, rate, width=10, settle=30, seconds=600, every=10)
+    found = looks(browser, tmp_path, rate=8000, width=10, settle=30, seconds=600, every=10)
     print(found[0], found[len(found) // 2], found[-1], sep="\n")
     stays(found)
-    came, seconds = found[-1].messages - found[0].messages, found[-1].t - found[0].t
-    assert came > 0.9 * rate * seconds  # on a busy machine a pty overflows
