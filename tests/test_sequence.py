@@ -8,7 +8,10 @@ from collections.abc import Iterator
 import pytest
 
 import wirebond
+from wirebond import _engine
+from wirebond.link.settings import engine_settings
 from wirebond.protocol import loads
+from wirebond.protocol.model import End
 
 HEAD = "wirebond: 1\nprotocol: counted\n"
 FRAME = (
@@ -127,3 +130,28 @@ def test_a_sequence_that_cannot_be_is_refused_with_a_sentence(text: str, sentenc
 
 def test_per_message_is_in_the_hash_and_per_sender_changes_none() -> None:
     assert codec_of("u8").hash == codec_of("u8, per: sender").hash != codec_of("u8, per: message").hash
+
+
+@pytest.mark.parametrize(
+    ("parts", "fields"),
+    [
+        ("length: u8, id: u8, payload: by_length", "{data: {type: bytes, max: 8}}"),
+        ("id: u8, payload: by_id", "{count: u8, data: {type: u8, max: 8, count: count}}"),
+    ],
+    ids=["by_length", "by_id"],
+)
+def test_the_host_numbers_frames_whose_form_only_their_size_tells(parts: str, fields: str) -> None:
+    frame = f"frame: [magic: 0xA5, sequence: u8, {parts}, check: sum16, {{reserved: 2, when: size <= 4}}]\n"
+    codec = wirebond.Codec(loads(HEAD + frame + f"messages: {{data: {{id: 1, sender: host, fields: {fields}}}}}\n"))
+    core = _engine.LinkCore(
+        codec.tables.protocol, codec.tables.format_for(End.MCU), engine_settings(codec, 115_200, paced=False), 0
+    )
+    core.port_up(0)
+    for number in range(1, 9):
+        values = {"data": b"12345678"[:number] if "bytes" in fields else [0x11] * number}
+        now = number * 1_000_000
+        assert core.send(0, codec.encode("data", values), -1, now) == 0
+        core.poll(now)
+        left = core.to_write(now)
+        core.written(len(left), now)
+        assert left == codec.encode("data", values, header={"sequence": number - 1})

@@ -120,6 +120,44 @@ struct TwoForms {
   }
 };
 
+/// AA, number, length or nothing, id, payload, sum, and two bytes more where the payload has at most four: of the same
+/// bytes, only what tells the payload's size tells the form.
+template <wirebond::PayloadSize tells>
+struct BySize {
+  static constexpr std::array<MessageRow, 2> rows = {{{0x01, {0, 6, 6}}, {0x02, {1, 4, 4}}}};
+  static constexpr FrameFormat make() {
+    const bool has_length = tells == wirebond::PayloadSize::by_length;
+    FrameFormat format{};
+    format.algorithm_count = 1;
+    format.algorithms[0] = xor8;
+    format.max_payload = 6;
+    format.form_count = 2;
+    format.sequence_place = 0;
+    for (std::uint16_t i = 0; i < 2; ++i) {
+      auto& form = format.forms[i];
+      form.prefix = has_length ? 4 : 3;
+      form.suffix = i == 0 ? 1 : 3;
+      form.prefix_constants = form.constant_count = 1;
+      form.constants[0] = {{0, false}, 0xFF, 0xAA};
+      form.payload_size = tells;
+      if (has_length) form.length = {{2, false}, 1};
+      form.id = {{static_cast<std::int16_t>(has_length ? 3 : 2), false}, 1};
+      form.header_count = 1;
+      form.header[0] = {{{1, false}, 1, ByteOrder::little, 0, 0xFF}, 0, 0};
+      form.check_count = 1;
+      const wirebond::Position check{static_cast<std::int16_t>(i == 0 ? -1 : -3), true};
+      form.checks[0] = {0, {0, false}, check, check, 1};
+      form.first_exclusion = static_cast<std::uint8_t>(i);
+      form.exclusion_count = 1;
+      format.exclusions[i].subject = wirebond::Subject::size;
+    }
+    format.exclusions[0].high = 4;
+    format.exclusions[1].low = 5;
+    format.exclusions[1].high = 0xFFFF;
+    return format;
+  }
+};
+
 constexpr std::uint8_t untouched = 0xCC;
 
 /// Lay out, wait, close: against `seal` with the same values.
@@ -185,6 +223,18 @@ TEST_CASE("a frame under COBS, with codes for more than 254 bytes too") { waits_
 TEST_CASE("a frame whose stuffing depends on its number") { waits_at_every_size<Escaped>(300); }
 TEST_CASE("a frame with bytes beside those that are escaped") { waits_at_every_size<EscapedWithin>(300); }
 TEST_CASE("a form without a number asks for none") { waits_at_every_size<TwoForms>(4, 2); }
+
+TEST_CASE("a form that only the payload's size tells from another, by a length") {
+  for_both_sources<BySize<wirebond::PayloadSize::by_length>>([](const auto& source) {
+    for (std::size_t size = 0; size <= 6; ++size)
+      waits_as_it_is_sealed(source, Bytes(size, 0x11), size <= 4 ? 1 : 0, 0x7E, 5);
+  });
+}
+
+TEST_CASE("a form that only the payload's size tells from another, by the message") {
+  for_both_sources<BySize<wirebond::PayloadSize::by_id>>(
+      [](const auto& source) { waits_as_it_is_sealed(source, Bytes(4, 0x11), 1, 0x7E, 5); });
+}
 
 TEST_CASE("an escaped frame takes little more room than it needs while it waits") {
   const Constant<Escaped> source;

@@ -363,7 +363,7 @@ def test_what_a_firmware_refused_is_counted_alike_at_both_ends(
     assert found.refused_messages == {"rejected": 7}
     sentence = f"MCU refused {', '.join(f'{n} bytes as {cause}' for cause, n in refused.items())}"
     assert str(found) == f"{sentence}, 7 messages as rejected"
-    # Between two commands nobody reads the line, so the firmware may have frames that it cannot send, and counts them.
+    # While no command has the port open, the firmware may find the line full; it counts the frames it could not send.
     shown_line = re.compile(rf"^[\d.]+ link_counters  {re.escape(str(found))}(; of its own frames .*)?$", re.MULTILINE)
     wait_until(
         lambda: shown_line.search(run("monitor", AXIS, firmware.port, "--seconds", "0.7").stdout),

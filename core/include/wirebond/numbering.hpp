@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "wirebond/encoder.hpp"
+#include "wirebond/examine.hpp"
 #include "wirebond/format.hpp"
 #include "wirebond/placed_number.hpp"
 #include "wirebond/source.hpp"
@@ -13,9 +14,40 @@
 
 namespace wirebond {
 
-/// Find the form of a frame as `lay_out_frame` made it, or as it was unstuffed: the first whose constants match and
-/// none of whose exclusions holds. If zeros at the payload's end were cut, its size excludes nothing: such forms differ
-/// in other bytes.
+namespace detail {
+
+/// Does the frame say that its payload has this many bytes, if it is of this form? Forms of the same constants may
+/// differ in the sizes that they are for.
+template <class Source>
+WIREBOND_INLINE bool says_size(const Source& source, const Form& form, const std::uint8_t* frame, std::size_t size,
+                               std::size_t payload) {
+  if (form.payload_size == PayloadSize::fixed) return payload == form.fixed_payload;
+  if (form.payload_size == PayloadSize::by_length && !source.format().length_on_wire) {
+    const std::int64_t counted = read_number(form.length, frame, size);
+    return counted * form.length_unit + form.length_bias == static_cast<std::int64_t>(payload);
+  }
+  if constexpr (may_have<Source>(PayloadSize::by_id)) {
+    if (form.payload_size == PayloadSize::by_id) {
+      const std::uint32_t id = form.id.present() ? read_number(form.id, frame, size) : 0;
+      const MessageShape shape = shape_of(source, form, id, frame, 0, 0);
+      if constexpr (HasPayloadRules<Source>::value) {
+        if (shape.known() && shape.min_payload != shape.max_payload) {
+          const ToldSize told = told_size<CountsBytes<Source>::value>(
+              source.payload_rules(shape.index), frame + form.prefix, size - form.prefix, shape.min_payload);
+          return told.is_told && payload == told.size;
+        }
+      }
+      return payload == shape.max_payload;
+    }
+  }
+  return true;
+}
+
+}  // namespace detail
+
+/// Find the form of a frame as `lay_out_frame` made it, or as it was unstuffed: the first whose constants match, none
+/// of whose exclusions holds, and whose payload has the size that the frame says. If zeros at the payload's end were
+/// cut, its size excludes nothing: such forms differ in other bytes.
 template <class Source>
 WIREBOND_INLINE std::size_t form_of(const Source& source, const std::uint8_t* frame, std::size_t size) {
   constexpr bool unroll = Source::is_constant;
@@ -38,7 +70,10 @@ WIREBOND_INLINE std::size_t form_of(const Source& source, const std::uint8_t* fr
       return value < exclusion.low || value > exclusion.high;
     };
     const std::size_t payload = size - form.prefix - form.suffix;
-    if (!form.trims_zeros && size_is_excluded<unroll, most.exclusions>(format, form, payload)) return true;
+    if constexpr (most.exclusions != 0) {
+      if (!form.trims_zeros && size_is_excluded<unroll, most.exclusions>(format, form, payload)) return true;
+      if (!detail::says_size(source, form, frame, size, payload)) return true;
+    }
     return !(detail::every<unroll, most.constants>(0, form.constant_count, stands) &&
              detail::every<unroll, most.exclusions>(0, form.exclusion_count, allows));
   });

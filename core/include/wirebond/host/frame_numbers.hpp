@@ -40,6 +40,7 @@ class FrameNumbers {
       opened_size = static_cast<std::size_t>(unstuffed);
     }
     is_given_ = false;
+    source_.expect(message);  // its id may be another message's, too
     const std::size_t on_wire = close_numbered(source_, memory_.scratch, opened_size, [&] {
       is_given_ = true;
       return *counter_of(message);

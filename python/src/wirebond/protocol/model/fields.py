@@ -209,11 +209,6 @@ class Field:
     def is_float(self) -> bool:
         return self.kind == FieldKind.FLOAT
 
-    @property
-    def is_whole(self) -> bool:
-        """Is its value a whole number?"""
-        return self.is_integer and not self.is_scaled
-
     def wire_bits(self, value: float | int | str) -> int:
         """The bits on the wire of one integer's value, at the bottom. The value fits: see ``field_values``.
 
