@@ -83,11 +83,11 @@ def _struct_values(fields: tuple[Field, ...], source: random.Random) -> dict[str
 
 
 def _field_value(described: Field, source: random.Random, size: int | None) -> Any:
-    if described.kind == FieldKind.TEXT and size is not None:
+    if described.value_type is str and size is not None:
         return "".join(source.choices("abc 019", k=size))
-    if described.kind == FieldKind.TEXT:
+    if described.value_type is str:
         return "".join(source.choices("abc äöü 上位机", k=source.randrange(0, described.room // 3 + 1)))
-    if described.kind == FieldKind.BYTES:
+    if described.value_type is bytes:
         drawn = source.randbytes(source.randrange(0, described.room + 1) if size is None else size)
         return drawn if described.ends_with is None else drawn.replace(bytes([described.ends_with]), b"")
     if described.is_list and size is None:
@@ -110,7 +110,7 @@ def _limits(described: Field) -> tuple[int, int]:
 def _element(described: Field, source: random.Random) -> Any:
     if described.fields:
         return _struct_values(described.fields, source)
-    if described.kind == FieldKind.BOOL:
+    if described.value_type is bool:
         return source.random() < 0.5
     if described.enum:
         return source.choice(described.enum)[0]

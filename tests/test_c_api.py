@@ -20,7 +20,7 @@ from wirebond.generate.code.c_names import member_name
 from wirebond.generate.code.cpp_number import integer, real, real_type
 from wirebond.generate.doc.examples import example_values
 from wirebond.protocol.loader import loads
-from wirebond.protocol.model import Field, FieldKind
+from wirebond.protocol.model import Field
 from wirebond.protocol.names import identifier
 
 pytestmark = pytest.mark.live
@@ -172,7 +172,7 @@ def leaves(fields: tuple[Field, ...], values: dict[str, Any], to: str) -> Iterat
 def _leaf(field: Field, value: Any, place: str) -> Iterator[tuple[str, str]]:
     if field.fields:
         yield from leaves(field.fields, value, place + ".")
-    elif field.kind == FieldKind.BOOL:
+    elif field.value_type is bool:
         yield place, "true" if value else "false"
     elif field.enum:
         yield place, integer(dict(field.enum)[value] if isinstance(value, str) else value)

@@ -9,7 +9,7 @@ from typing import Any
 from tests.conformance.formats import Handed
 from wirebond import Codec, Message, MessageError
 from wirebond.generate.code.cpp_number import real_type
-from wirebond.protocol.model import Field, FieldKind, OnRange
+from wirebond.protocol.model import Field, OnRange
 
 # What C++ does not validate: its bool and text take any byte, its flags any bit.
 ONLY_IN_PYTHON = (" is not UTF-8", ", a bool is 0 or 1", " has unnamed bits set: ")
@@ -101,7 +101,7 @@ def _letters(field: Field, tokens: Iterator[str]) -> bytes:
 
 
 def _engine_value(field: Field, letters: bytes) -> str | bytes:
-    if field.kind == FieldKind.BYTES:
+    if field.value_type is bytes:
         return letters
     return (letters.split(b"\0")[0] if field.size else letters).decode(errors="replace")
 
@@ -120,7 +120,7 @@ def _one(field: Field, value: Any, path: str) -> Iterator[Leaf]:
 def _is_same(field: Field | None, value: Any, token: str) -> bool:
     if field is None:
         return int(token.removeprefix("#")) == value
-    if field.kind == FieldKind.BOOL:
+    if field.value_type is bool:
         return token == str(int(bool(value)))
     if field.enum:
         return int(token) == dict(field.enum)[value]

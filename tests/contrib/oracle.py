@@ -10,7 +10,7 @@ from fractions import Fraction
 from typing import Any, ClassVar
 
 from tests.streams import random_values
-from wirebond.protocol.model import End, Field, FieldKind, Message
+from wirebond.protocol.model import End, Field, Message
 
 #: Numbers as they are on the wire, texts as bytes without padding, in the order of the message's fields.
 Wire = list[Any]
@@ -72,9 +72,9 @@ def to_wire(described: Field, value: Any) -> Any:
         return [to_wire(described, element) for element in value]
     if described.fields:
         return to_wires(described.fields, value)
-    if described.kind == FieldKind.TEXT:
+    if described.value_type is str:
         return value.encode()
-    if described.kind == FieldKind.BYTES:
+    if described.value_type is bytes:
         return value.ljust(described.size, b"\0")
     if described.enum:
         return dict(described.enum)[value]
@@ -93,7 +93,7 @@ def from_wire(described: Field, wire: Any) -> Any:
         return from_wires(described.fields, wire)
     if isinstance(wire, list):
         return [from_wire(described, element) for element in wire]
-    if described.kind == FieldKind.TEXT:
+    if described.value_type is str:
         return wire.decode()
     if described.enum:
         return next(name for name, number in described.enum if number == wire)
@@ -101,4 +101,4 @@ def from_wire(described: Field, wire: Any) -> Any:
         return [name for name, bit in described.flags if wire >> bit & 1]
     if described.is_scaled:
         return float(wire * described.scale + described.offset)
-    return bool(wire) if described.kind == FieldKind.BOOL else wire
+    return bool(wire) if described.value_type is bool else wire

@@ -12,7 +12,7 @@ from wirebond.codec import Codec
 from wirebond.errors import MessageError
 from wirebond.protocol.matching import fitted_values
 from wirebond.protocol.meaning.field_values import wire_limits
-from wirebond.protocol.model import End, Field, FieldKind, Message
+from wirebond.protocol.model import End, Field, Message
 from wirebond.protocol.planning import expecting, told_by_request
 
 _ATTEMPTS = 1000
@@ -78,10 +78,10 @@ def _struct(fields: tuple[Field, ...], generator: random.Random) -> dict[str, An
 
 
 def _value(field: Field, counted: int | None, generator: random.Random) -> Any:
-    if field.kind == FieldKind.TEXT:
+    if field.value_type is str:
         size = generator.randint(0, field.room) if counted is None else counted
         return "".join(generator.choices(field.without_ends(_LETTERS), k=size))
-    if field.kind == FieldKind.BYTES:
+    if field.value_type is bytes:
         size = generator.randint(0, field.max_size) if field.is_variable else field.size
         drawn = generator.randbytes(size if counted is None else counted)
         return drawn if field.ends_with is None else drawn.replace(bytes([field.ends_with]), b"")
@@ -97,7 +97,7 @@ def _element(field: Field, generator: random.Random) -> Any:
         return _struct(field.fields, generator)
     if field.flags:
         return [name for name, _ in field.flags if generator.random() < 0.5]
-    if field.kind == FieldKind.BOOL:
+    if field.value_type is bool:
         return generator.random() < 0.5
     if field.enum:
         return generator.choice(field.enum)[0]

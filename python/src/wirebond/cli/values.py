@@ -10,7 +10,7 @@ from typing import Any
 
 from wirebond.arguments import hex_bytes
 from wirebond.errors import MessageError, UsageError
-from wirebond.protocol.model import End, Field, FieldKind, Message, Protocol
+from wirebond.protocol.model import End, Field, Message, Protocol
 from wirebond.protocol.model.forms import header_fields
 from wirebond.protocol.planning import plan_for
 from wirebond.visible import visible_json
@@ -95,9 +95,9 @@ def _example(message: Message, word: str) -> str:
 
 
 def _parse(described: Field, text: str) -> Any:
-    if described.kind == FieldKind.TEXT:
+    if described.value_type is str:
         return text
-    if described.kind == FieldKind.BYTES:
+    if described.value_type is bytes:
         return hex_bytes(text)
     if described.fields:
         return _from_json(described, text)
@@ -142,7 +142,7 @@ def _with_bytes(described: Field, value: Any) -> Any:
     if isinstance(value, dict):
         fields = {f.name: f for f in described.fields}
         return {name: _with_bytes(fields[name], item) if name in fields else item for name, item in value.items()}
-    return hex_bytes(value) if described.kind == FieldKind.BYTES and isinstance(value, str) else value
+    return hex_bytes(value) if described.value_type is bytes and isinstance(value, str) else value
 
 
 def _items(described: Field, text: str) -> list[str]:
@@ -159,7 +159,7 @@ def _items(described: Field, text: str) -> list[str]:
 
 
 def _parse_one(described: Field, text: str) -> Any:
-    if described.kind == FieldKind.BOOL:
+    if described.value_type is bool:
         word = text.strip().lower()
         if word in _TRUE | _FALSE:
             return word in _TRUE

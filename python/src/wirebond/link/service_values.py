@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from wirebond.protocol.model import Field, FieldKind, Message
+from wirebond.protocol.model import Field, Message
 
 
 def filled(message: Message, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -17,9 +17,7 @@ def filled(message: Message, values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _needs_a_value(f: Field) -> bool:
-    if f.kind in (FieldKind.PADDING, FieldKind.TEXT, FieldKind.BYTES) or f.is_count:
-        return False
-    return f.default is None
+    return f.value_type not in (None, str, bytes) and not f.is_count and f.default is None
 
 
 def _least(f: Field) -> Any:
@@ -32,7 +30,7 @@ def _least(f: Field) -> Any:
 def _element(f: Field) -> Any:
     if f.fields:
         return {member.name: _least(member) for member in f.fields if _needs_a_value(member)}
-    if f.kind == FieldKind.BOOL:
+    if f.value_type is bool:
         return False
     if f.enum:
         return f.enum[0][0]

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from wirebond.protocol.meaning.field_values import has_default
-from wirebond.protocol.model import Field, FieldKind, GivenMessage, Protocol
+from wirebond.protocol.model import Field, GivenMessage, Protocol
 
 # How far two reals may differ that were the same: as floats they are off by some units in the last place.
 _SAME_REAL = 2.0**-20
@@ -45,7 +45,7 @@ def _default(field: Field) -> Any:
         return field.default
     if field.fields:
         return {} if field.count is None else ({},) * field.count
-    return b"" if field.kind == FieldKind.BYTES else ""
+    return b"" if field.value_type is bytes else ""
 
 
 def _has(fields: tuple[Field, ...], received: Mapping[str, Any], given: Mapping[str, Any]) -> bool:
@@ -64,7 +64,7 @@ def _equal(field: Field, received: Any, given: Any) -> bool:
 def _element_equal(field: Field, received: Any, given: Any) -> bool:
     if field.fields:
         return _has(field.fields, received, _left_out(field.fields) | given)
-    if field.kind == FieldKind.BYTES:
+    if field.value_type is bytes:
         return bool(received == given.ljust(field.size, b"\0"))
     if field.flags:
         return _flag_bits(field, received) == _flag_bits(field, given)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from wirebond.protocol.model import Field, FieldKind
+from wirebond.protocol.model import Field
 
 
 def from_json_values(fields: tuple[Field, ...], values: Mapping[str, Any]) -> dict[str, Any]:
@@ -20,7 +20,7 @@ def from_json_values(fields: tuple[Field, ...], values: Mapping[str, Any]) -> di
 def _value(field: Field | None, value: Any) -> Any:
     if field is None:
         return value
-    if field.kind == FieldKind.BYTES and isinstance(value, str):
+    if field.value_type is bytes and isinstance(value, str):
         try:
             return bytes.fromhex(value)
         except ValueError:

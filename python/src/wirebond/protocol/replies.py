@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from wirebond.protocol.model import Field, FieldKind, Message
+from wirebond.protocol.model import Field, Message
 
 
 def carried_back(reply: Message, request: Message) -> list[str]:
@@ -23,7 +23,7 @@ def identifying(reply: Message, request: Message) -> list[str]:
 
 
 def _names_something(f: Field) -> bool:
-    return f.kind in (FieldKind.INTEGER, FieldKind.BOOL, FieldKind.TEXT) and not f.is_scaled
+    return f.value_type in (int, bool, str)
 
 
 def _shape(f: Field) -> tuple[object, ...]:

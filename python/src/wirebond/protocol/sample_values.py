@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
 from wirebond.protocol.matching import fitted_values
-from wirebond.protocol.model import Field, FieldKind, Message
+from wirebond.protocol.model import Field, Message
 
 FEW = 3  # elements of lists, and bytes of texts, whose size may vary
 
@@ -41,9 +41,9 @@ def _struct(fields: tuple[Field, ...], phase: int, wave: Wave, asked: Mapping[st
 
 def _value(described: Field, size: int, phase: int, wave: Wave) -> Any:
     """``size``: elements or bytes of a value whose size is counted or free."""
-    if described.kind == FieldKind.TEXT:
+    if described.value_type is str:
         return described.without_ends("virtual"[: size if described.counted_by else described.room])
-    if described.kind == FieldKind.BYTES:
+    if described.value_type is bytes:
         return bytes(size) if described.counted_by else b""
     if not described.is_list and described.count is None:
         return _element(described, phase, wave)
@@ -55,7 +55,7 @@ def _element(described: Field, phase: int, wave: Wave) -> Any:
     if described.fields:
         return _struct(described.fields, phase, wave, {})
     at = wave(phase)
-    if described.kind == FieldKind.BOOL:
+    if described.value_type is bool:
         return at is not None and at > 0
     if described.enum:
         return described.enum[0][0]

@@ -17,7 +17,7 @@ from typing import Any
 import msgspec
 
 from wirebond.codec import Codec, Message
-from wirebond.protocol.model import Field, FieldKind
+from wirebond.protocol.model import Field
 
 VERSION = "1"
 ENDING = ".mcap"  #: of the file's name
@@ -40,11 +40,7 @@ _EVENT_SCHEMA = {
     "properties": {"t": {"type": "number", "description": "seconds since the start"}, "kind": {"type": "string"}},
     "required": ["t", "kind"],
 }
-_JSON_TYPES = {
-    FieldKind.BOOL: "boolean",
-    FieldKind.INTEGER: "integer",
-    FieldKind.FLOAT: "number",
-}
+_JSON_TYPES = {bool: "boolean", int: "integer", float: "number", str: "string", bytes: "string", dict: "object"}
 
 
 def with_checksum(values: Mapping[str, str]) -> dict[str, str]:
@@ -80,15 +76,14 @@ def message_schema(codec: Codec, name: str) -> bytes:
 
 
 def _schema_of(field: Field) -> dict[str, Any]:
-    described: dict[str, Any] = {}
-    if field.enum or field.kind in (FieldKind.TEXT, FieldKind.BYTES):
-        described["type"] = ["string", "integer"] if field.enum else "string"
+    described: dict[str, Any]
+    if field.enum:
+        described = {"type": ["string", "integer"]}
     elif field.flags:
         described = {"type": "array", "items": {"type": ["string", "integer"]}}
-    elif field.kind in _JSON_TYPES:
-        described["type"] = "number" if field.is_scaled else _JSON_TYPES[field.kind]
     else:
-        described["type"] = "object"
+        assert field.value_type is not None, "padding is not described"
+        described = {"type": _JSON_TYPES[field.value_type]}
     if field.unit:
         described["description"] = field.unit
     if field.count is not None or field.max_count:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from wirebond import _engine
 from wirebond.errors import WirebondError
 from wirebond.protocol.given import is_given
-from wirebond.protocol.model import End, Field, FieldKind, OnRange
+from wirebond.protocol.model import End, Field, OnRange
 from wirebond.protocol.model.forms import header_fields
 from wirebond.ros2.ros_words import RosWords
 from wirebond.ros2.throttle import Log, Throttle
@@ -248,7 +248,7 @@ def _bounds(fields: Iterable[Field]) -> dict[str, tuple[float, float]]:
     return {
         f.name: (-_MOST if f.minimum is None else f.minimum, _MOST if f.maximum is None else f.maximum)
         for f in fields
-        if (f.is_number or f.kind == FieldKind.BOOL) and f.count is None and not f.is_list
+        if (f.is_number or f.value_type is bool) and f.count is None and not f.is_list
     }
 
 

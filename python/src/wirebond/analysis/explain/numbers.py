@@ -8,7 +8,7 @@ from typing import Any
 
 from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.meaning.field_values import number_text
-from wirebond.protocol.model import BitOrder, ByteOrder, Field, FieldKind
+from wirebond.protocol.model import BitOrder, ByteOrder, Field
 
 ReadNumber = tuple[Any, str, str]  # value, text, fault
 
@@ -27,7 +27,7 @@ def packed_number(data: bytes, bit: int, width: int, order: BitOrder) -> int:
 
 def number_of(field: Field, raw: int) -> ReadNumber:
     """One number by its bits: its value, in words, and the rule that it breaks."""
-    if field.kind == FieldKind.BOOL:
+    if field.value_type is bool:
         return raw != 0, "true" if raw else "false", "" if raw <= 1 else f" is {raw}; a bool is 0 or 1"
     if field.is_float:
         return _float(field, raw)

@@ -10,7 +10,7 @@ from typing import Any, assert_never
 
 from wirebond.analysis.explain.constants import constant_text
 from wirebond.analysis.explain.numbers import ReadNumber, number_of, packed_number, raw_number, whole_number, with_unit
-from wirebond.protocol.model import Digits, Field, FieldKind, Message
+from wirebond.protocol.model import Digits, Field, Message
 from wirebond.protocol.model.layout import (
     Array,
     Bits,
@@ -196,7 +196,7 @@ def _characters(walk: _Walk, field: Field, promised: int | None) -> Reading:
     start, (data, faults) = walk.at, _string(walk, field, promised)
     if field.digits is not None:
         return _in_characters(field, field.digits, start, data, faults)
-    if field.kind == FieldKind.BYTES:
+    if field.value_type is bytes:
         content = _without_end(data, field)
         text = f"{len(content)} byte{'s' * (len(content) != 1)}"
         return Reading(field, field.name, start, data, content, text, faults)

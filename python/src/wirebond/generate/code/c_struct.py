@@ -10,7 +10,7 @@ from wirebond.generate.code.c_names import Names, member_name
 from wirebond.generate.code.cpp_field import element_type, hex_literal, member_comment
 from wirebond.generate.code.cpp_number import integer, real, real_type, wire_integer
 from wirebond.generate.code.cpp_shape import Member, Shape
-from wirebond.protocol.model import End, Field, FieldKind
+from wirebond.protocol.model import End, Field
 
 _INT_MAX = 2**31 - 1
 
@@ -118,7 +118,7 @@ class Declarer:
         if spec.enum:
             return self._values(spec, words, spec.enum)
         if spec.is_string:
-            return "char" if spec.kind == FieldKind.TEXT else "uint8_t"
+            return "char" if spec.value_type is str else "uint8_t"
         return element_type(spec, "").removeprefix("std::")
 
     def _values(self, spec: Field, words: tuple[str, ...], values: Iterable[tuple[str, int]]) -> str:

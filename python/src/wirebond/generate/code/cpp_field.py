@@ -51,7 +51,7 @@ def _is_real(spec: Field) -> bool:
 
 def element_type(spec: Field, enum_type: str) -> str:
     """The C++ type of one element."""
-    if spec.kind == FieldKind.BOOL:
+    if spec.value_type is bool:
         return "bool"
     if spec.enum:
         return enum_type
@@ -60,7 +60,7 @@ def element_type(spec: Field, enum_type: str) -> str:
 
 def initial_value(spec: Field, enum_type: str, default: Default | None) -> str:
     """The initialiser of one element; ``default`` is the element's own."""
-    if spec.kind == FieldKind.BOOL:
+    if spec.value_type is bool:
         return "true" if default else "false"
     number = default if isinstance(default, int | float) else None
     if spec.enum:
@@ -187,7 +187,7 @@ def outside(spec: Field, value: str, received: bool) -> str:
 
 def write_value(spec: Field, value: str, slot: Slot) -> list[str]:
     """Lines that store ``value``, or return false where it breaks a rule."""
-    if spec.kind == FieldKind.BOOL:
+    if spec.value_type is bool:
         return [_store_bool(spec, value, slot)]
     if spec.is_float:
         element = real_type(spec)
@@ -340,7 +340,7 @@ def store_container(spec: Field, value: str, place: str) -> str:
 
 def read_value(spec: Field, value: str, slot: Slot, enum_type: str) -> list[str]:
     """The line that loads ``value``; ``enum_type`` by its full name."""
-    if spec.kind == FieldKind.BOOL:
+    if spec.value_type is bool:
         return [f"{value} = {load_integer(spec, slot) if spec.bits else _byte(slot.place)} != 0;"]
     if spec.is_float:
         wire = f"wirebond::load{_template_arguments(spec, real_type(spec))}({slot.place})"

@@ -21,7 +21,7 @@ from wirebond.generate.code.cpp_walk import (
     refusal,
     walk,
 )
-from wirebond.protocol.model import Field, FieldKind
+from wirebond.protocol.model import Field
 from wirebond.protocol.model.layout import Array, Bits, Characters, Constant, Group, List, Number, Padding, Told
 
 _LOCALS = frozenset({"message", "payload", "size", "spare", "found", "wire", "bits", "bytes", *"ijklmnopq"})
@@ -121,7 +121,7 @@ class Reader:
         if spec.digits is not None:
             lines += read_digits(spec, spec.digits, value, place, size, type_name)
         else:
-            if spec.ends_with is None and not step.told and self._trims_zeros and spec.kind == FieldKind.TEXT:
+            if spec.ends_with is None and not step.told and self._trims_zeros and spec.value_type is str:
                 last = f"payload[{place.removeprefix('payload + ')} + {size} - 1]"
                 lines.append(f"while ({size} != 0 && {last} == 0) --{size};")  # zeros that pad a payload are not text
             lines += [

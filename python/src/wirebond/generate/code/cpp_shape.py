@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from wirebond.generate.code import names
 from wirebond.generate.code.cpp_field import element_type, enum_lines, flags_lines, initial_value, member_comment
-from wirebond.protocol.model import Field, FieldKind, Protocol
+from wirebond.protocol.model import Field, Protocol
 from wirebond.protocol.model.layout import BitMember, Step, layout_of
 
 
@@ -139,7 +139,7 @@ def _declared(member: Member) -> str:
 
 def declared_string(spec: Field, name: str) -> str:
     """A text or byte string with its first value."""
-    element = "char" if spec.kind == FieldKind.TEXT else "std::uint8_t"
+    element = "char" if spec.value_type is str else "std::uint8_t"
     default = spec.default.encode() if isinstance(spec.default, str) else spec.default
     given = default if isinstance(default, bytes) else b""
     letters = ", ".join(_letter(byte, element) for byte in given)

@@ -15,7 +15,7 @@ from wirebond.generate.code.cpp_field import comment_text, hex_literal, member_c
 from wirebond.generate.code.folder import render, write_files
 from wirebond.generate.code.names import Scope, code_name, python_identifier, type_name
 from wirebond.protocol.hash import protocol_hash
-from wirebond.protocol.model import Default, Field, FieldKind, HeaderField, Protocol
+from wirebond.protocol.model import Default, Field, HeaderField, Protocol
 from wirebond.protocol.model.forms import header_fields
 from wirebond.protocol.stamps import stamp_of
 
@@ -238,10 +238,10 @@ class _Writer:
 
 
 def _plain_type(spec: Field) -> str:
-    if spec.kind == FieldKind.BOOL:
+    if spec.value_type is bool:
         return "bool"
     if spec.is_string:
-        return "str" if spec.kind == FieldKind.TEXT else "bytes"
+        return "str" if spec.value_type is str else "bytes"
     return "float" if spec.is_float or spec.is_scaled else "int"
 
 
@@ -252,7 +252,7 @@ def _comment(spec: Field) -> str:
 def _default(spec: Field, kind: str, inner: StructBlock | None) -> str:
     """What a field is where it is left out, as the engine's `encode` has it; empty where it must be given."""
     if spec.is_string:
-        empty: Default = "" if spec.kind == FieldKind.TEXT else b""
+        empty: Default = "" if spec.value_type is str else b""
         given = empty if spec.default is None else spec.default
         return _string(given) if isinstance(given, str) else repr(given)
     if isinstance(spec.default, tuple):
@@ -273,7 +273,7 @@ def _one(spec: Field, kind: str, default: Default) -> str:
         return f"{kind}.{code_name(str(name)).upper()}" if name is not None else repr(default)
     if spec.flags:
         return f"{kind}({default!r})"
-    if spec.kind == FieldKind.BOOL:
+    if spec.value_type is bool:
         return repr(bool(default))
     number = default if isinstance(default, int | float) else 0
     return repr(float(number) if _plain_type(spec) == "float" else int(number))

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 from wirebond.generate.code.cpp import message_comment
 from wirebond.generate.code.cpp_field import comment_text, member_comment
-from wirebond.protocol.model import Default, End, Field, FieldKind, Message, Protocol
+from wirebond.protocol.model import Default, End, Field, Message, Protocol
 from wirebond.protocol.model.forms import header_fields
 from wirebond.protocol.names import code_name, identifier, type_name
 
@@ -192,7 +192,7 @@ class _Writer:
         if spec.fields:
             of = self._struct(owner, spec)
             return Member(of.name, name, count, spec, of, comment=comment)
-        if spec.kind == FieldKind.BYTES:
+        if spec.value_type is bytes:
             return Member("uint8", name, spec.size or None, spec, comment=comment)
         type_ = _type_of(spec)
         values = [*spec.enum, *((flag, 1 << bit) for flag, bit in spec.flags)]
@@ -213,9 +213,9 @@ class _Writer:
 
 
 def _type_of(spec: Field) -> str:
-    if spec.kind == FieldKind.BOOL:
+    if spec.value_type is bool:
         return "bool"
-    if spec.kind == FieldKind.TEXT:
+    if spec.value_type is str:
         return "string"
     if spec.is_float or spec.is_scaled:
         return "float32" if spec.is_float and spec.size <= 4 and not spec.is_scaled else "float64"
@@ -225,7 +225,7 @@ def _type_of(spec: Field) -> str:
 
 def _default(spec: Field) -> str:
     """The default of a field, where it is not that of ROS."""
-    if spec.default is None or spec.fields or spec.kind == FieldKind.BYTES:
+    if spec.default is None or spec.fields or spec.value_type is bytes:
         return ""
     if isinstance(spec.default, tuple):
         found = [_one(spec, one) for one in spec.default]
@@ -241,8 +241,8 @@ _ZERO = ("0", "0.0", "false", '""')
 
 def _one(spec: Field, default: Default) -> str:
     if isinstance(default, str):
-        return json.dumps(default, ensure_ascii=False) if spec.kind == FieldKind.TEXT else str(dict(spec.enum)[default])
-    if spec.kind == FieldKind.BOOL:
+        return json.dumps(default, ensure_ascii=False) if spec.value_type is str else str(dict(spec.enum)[default])
+    if spec.value_type is bool:
         return "true" if default else "false"
     is_real = spec.is_float or spec.is_scaled
     return repr(float(default) if is_real else int(default))  # type: ignore[arg-type]

@@ -5,7 +5,6 @@ The file's own examples come first; a message without one gets values whose byte
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
@@ -16,7 +15,7 @@ from wirebond.generate.doc.table import table
 from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.matching import fitted_values
 from wirebond.protocol.meaning.field_values import wire_limits
-from wirebond.protocol.model import End, Field, FieldKind, Message, Stuffing
+from wirebond.protocol.model import End, Field, Message, Stuffing
 from wirebond.protocol.planning import expecting
 
 _TRIES = 16  # values that are tried, where some hold a delimiter
@@ -127,14 +126,21 @@ def _shown(value: Any) -> str:
 
 def _field_value(field: Field, index: int, size: int) -> Any:
     """``size``: bytes of a string, or elements of a list."""
-    if field.kind == FieldKind.TEXT:
+    if field.value_type is str:
         return _text(field, size)
-    if field.kind == FieldKind.BYTES:
+    if field.value_type is bytes:
         return _bytes(field, size)
-    make = _VALUES[field.kind]
     if field.count is None and not field.is_list:
-        return make(field, index)
-    return [make(field, index + element) for element in range(size if field.count is None else field.count)]
+        return _element(field, index)
+    return [_element(field, index + element) for element in range(size if field.count is None else field.count)]
+
+
+def _element(field: Field, index: int) -> Any:
+    if field.value_type is dict:
+        return _values(field.fields, index)
+    if field.value_type is bool:
+        return index % 2 == 0
+    return _float(field, index) if field.is_float else _whole(field, index)
 
 
 def _whole(field: Field, index: int) -> Any:
@@ -171,14 +177,3 @@ def _text(field: Field, size: int) -> str:
 
 def _bytes(field: Field, size: int) -> bytes:
     return bytes(octet for octet in range(1, 6) if octet != field.ends_with)[:size]
-
-
-# One entry for each kind of field in the model that is no string.
-_VALUES: dict[FieldKind, Callable[[Field, int], Any]] = {
-    FieldKind.INTEGER: _whole,
-    FieldKind.FLOAT: _float,
-    FieldKind.BOOL: lambda field, index: index % 2 == 0,  # noqa: ARG005  (the table's signature)
-    FieldKind.PADDING: lambda field, index: None,  # noqa: ARG005  (it has no value)
-    FieldKind.BITS: lambda field, index: _values(field.fields, index),
-    FieldKind.STRUCT: lambda field, index: _values(field.fields, index),
-}

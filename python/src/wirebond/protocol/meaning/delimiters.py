@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from wirebond.protocol.model import Field, FieldKind, FrameFormat, Message
+from wirebond.protocol.model import Field, FrameFormat, Message
 
 
 def with_excluded(messages: tuple[Message, ...], frame_format: FrameFormat) -> tuple[Message, ...]:
@@ -22,7 +22,7 @@ def _excluding(fields: tuple[Field, ...], marks: tuple[bytes, ...]) -> tuple[Fie
     return tuple(
         replace(
             field,
-            excludes=marks if field.kind == FieldKind.TEXT else (),
+            excludes=marks if field.value_type is str else (),
             fields=_excluding(field.fields, marks),
         )
         for field in fields

@@ -13,7 +13,6 @@ from wirebond.protocol.model import (
     End,
     Escapes,
     Field,
-    FieldKind,
     FrameFormat,
     Insertion,
     Message,
@@ -230,7 +229,7 @@ def _needs_size(fields: tuple[Field, ...], field: Field, payload: Part) -> bool:
         up_to_it = fields[: fields.index(field) + 1]
         return field.is_variable and not payload_rules(Message("", 0, End.BOTH, up_to_it)).tells_size
     if payload.trims_zeros:  # of a text alone no zeros are missed
-        return field.is_variable and not (field.kind == FieldKind.TEXT and field.reaches_end)
+        return field.is_variable and not (field.value_type is str and field.reaches_end)
     return payload.payload == PayloadRule.FIXED and field.reaches_end
 
 

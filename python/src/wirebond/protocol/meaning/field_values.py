@@ -7,7 +7,7 @@ import sys
 from fractions import Fraction
 
 from wirebond.protocol.decimals import decimal_text
-from wirebond.protocol.model import Default, Field, FieldKind
+from wirebond.protocol.model import Default, Field
 from wirebond.protocol.problems import quoted, suggestion
 
 F64_MAX = Fraction(sys.float_info.max)
@@ -46,7 +46,7 @@ def fit_value(field: Field, value: Given) -> _Fitted:
     An array takes a list, or where its number of elements is fixed one value for all of them; flags take a number or
     a list of names. Structs, groups and padding take none.
     """
-    if field.kind in (FieldKind.STRUCT, FieldKind.BITS, FieldKind.PADDING):
+    if field.value_type in (dict, None):
         return None, f"`{field.name}` has no value of its own; give those of its fields, or leave it out"
     if field.count is None and not field.is_list:
         return fit_element(field, value)
@@ -72,16 +72,16 @@ def fit_element(field: Field, value: Given) -> _Fitted:
     """As `fit_value`, for one element of an array or a value that is none."""
     if isinstance(value, list):
         return _fit_flags(field, value)
-    if field.kind == FieldKind.BOOL:
+    if field.value_type is bool:
         return (value, "") if isinstance(value, bool) else (None, f"`{field.name}` is a bool; write true or false")
-    if field.kind == FieldKind.TEXT:
+    if field.value_type is str:
         if not isinstance(value, str):
             return None, f"`{field.name}` is a text; put the value in quotes"
         size, room = len(value.encode()), field.room
         if size > room:
             return None, f"the text has {size} bytes, and `{field.name}` has room for {room}; shorten it"
         return (None, _too_early(field)) if _has_end(field, value.encode()) else (value, "")
-    if field.kind == FieldKind.BYTES:
+    if field.value_type is bytes:
         return _fit_bytes(field, value)
     if isinstance(value, str):
         names = dict(field.enum)

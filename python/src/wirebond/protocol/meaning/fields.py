@@ -136,7 +136,7 @@ class ValueReader:
         if default is None:
             return field
         node = self._node.get("default")
-        if field.kind == FieldKind.BYTES and isinstance(node, Scalar):
+        if field.value_type is bytes and isinstance(node, Scalar):
             default = node.text  # a single 0x01 was read as a number
         value, fault = fit_value(field, default)
         if fault:
@@ -188,7 +188,7 @@ class ValueReader:
         if given is None:
             return replace(field, constant=0 if self._syntax.must_be_zero else None)
         node = self._node.get("constant")
-        if field.kind == FieldKind.BYTES and isinstance(node, Scalar):
+        if field.value_type is bytes and isinstance(node, Scalar):
             given = node.text  # a single 0x01 was read as a number
         value, fault = fit_value(field, given)
         if not fault and field.is_string:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from wirebond.protocol.meaning.field_values import fit_bytes, fit_element, settled
-from wirebond.protocol.model import Field, FieldKind, GivenValue
+from wirebond.protocol.model import Field, GivenValue
 from wirebond.protocol.problems import Place, Problems, suggestion
 from wirebond.protocol.text.yaml_tree import Mapping, Node, Sequence
 
@@ -106,7 +106,7 @@ class ValueReader:
 
 
 def _fitted(field: Field, wanted: object) -> tuple[GivenValue | None, str]:
-    if field.kind == FieldKind.BYTES:
+    if field.value_type is bytes:
         if not isinstance(wanted, str) or not _HEX.fullmatch(wanted):
             return None, f'`{field.name}` is a byte string; write two hex digits a byte in quotes: "01 FF"'
         return fit_bytes(field, bytes.fromhex(wanted.replace("0x", " ")))
@@ -139,7 +139,8 @@ def _one(field: Field) -> str:
         return "{" + ", ".join(f"{one.name}: {_example(one)}" for one in inner) + "}"
     if field.enum:
         return field.enum[0][0]
-    return {FieldKind.BOOL: "false", FieldKind.TEXT: '""', FieldKind.BYTES: '""'}.get(field.kind, "0")
+    zeros: dict[type | None, str] = {bool: "false", str: '""', bytes: '""'}
+    return zeros.get(field.value_type, "0")
 
 
 def _counted_wrong(owner: str, fields: tuple[Field, ...], values: Mapping_[str, GivenValue]) -> str:

@@ -42,6 +42,14 @@ class FieldKind(StrEnum):
 
 
 NUMBERS = (FieldKind.INTEGER, FieldKind.FLOAT)
+_VALUE_TYPES = {
+    FieldKind.FLOAT: float,
+    FieldKind.BOOL: bool,
+    FieldKind.TEXT: str,
+    FieldKind.BYTES: bytes,
+    FieldKind.BITS: dict,
+    FieldKind.STRUCT: dict,
+}
 
 
 @dataclass(frozen=True)
@@ -190,6 +198,16 @@ class Field:
     def has_value(self) -> bool:
         """Has it a value that programs see? Padding and constants have none."""
         return self.kind != FieldKind.PADDING
+
+    @property
+    def value_type(self) -> type | None:
+        """The Python type of its value, or of one element: a dict for a group and for bits, None where it has no value.
+
+        An int may be shown as a name of ``enum`` or a list of ``flags``.
+        """
+        if self.kind == FieldKind.INTEGER:
+            return float if self.is_scaled else int
+        return _VALUE_TYPES.get(self.kind)
 
     @property
     def is_number(self) -> bool:

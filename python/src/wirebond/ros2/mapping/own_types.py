@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from wirebond.generate.code.ros2_types import FRAME, Definition, Member, interfaces
-from wirebond.protocol.model import End, Field, FieldKind, Protocol
+from wirebond.protocol.model import End, Field, Protocol
 from wirebond.ros2 import cdr
 from wirebond.ros2.mapping.filler import Reading, Tree
 from wirebond.ros2.mapping.grammar import Source
@@ -87,7 +87,7 @@ class OwnTypes:
 
 
 def _is_one_number(spec: Field) -> bool:
-    return (spec.is_number or spec.kind == FieldKind.BOOL) and spec.count is None and not spec.is_list
+    return (spec.is_number or spec.value_type is bool) and spec.count is None and not spec.is_list
 
 
 def own_topics(
@@ -187,7 +187,7 @@ def _to_one(member: Member) -> _Convert:
 
 def _from_ros(member: Member) -> _Convert:
     convert = _from_one(member)
-    if member.spec is not None and member.spec.kind == FieldKind.BYTES:
+    if member.spec is not None and member.spec.value_type is bytes:
         return bytes
     return convert if member.count == 0 else lambda values: [convert(one) for one in values]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from wirebond.protocol.model import Field, FieldKind, Message
+from wirebond.protocol.model import Field, Message
 from wirebond.protocol.problems import suggestion
 from wirebond.ros2.types import RANGES, Kind, RosField, RosType
 
@@ -94,7 +94,7 @@ def wire_leaf(message: Message, path: str) -> tuple[Leaf, Getter]:
             if steps[0] not in flags:
                 raise PathError(f"{where} has no flag `{steps[0]}`; {suggestion(steps[0], flags)}")
             return Leaf(path, What.BOOL, 0, 1), _flag(getter, steps[0])
-        if many or found.kind not in (FieldKind.STRUCT, FieldKind.BITS):
+        if many or found.value_type is not dict:
             kind = _leaf_of(path, found, many).described
             raise PathError(f"{where} is {kind}, and has no `{steps[0]}`; end the path there")
         fields = found.fields
@@ -102,24 +102,22 @@ def wire_leaf(message: Message, path: str) -> tuple[Leaf, Getter]:
 
 def _leaf_of(path: str, field: Field, many: bool) -> Leaf:
     count = (field.count if not field.is_list else None) if many else 0
-    if field.kind in (FieldKind.STRUCT, FieldKind.BITS):
+    if field.value_type is dict:
         return Leaf(path, What.GROUP, count=count)
-    if field.kind == FieldKind.BOOL:
+    if field.value_type is bool:
         return Leaf(path, What.BOOL, 0, 1, count)
-    if field.kind == FieldKind.TEXT:
+    if field.value_type is str:
         return Leaf(path, What.TEXT, count=count)
-    if field.kind == FieldKind.BYTES:
+    if field.value_type is bytes:
         return Leaf(path, What.BYTES, 0, 255, count)
     if field.flags:
         return Leaf(path, What.FLAGS, count=count, choices=tuple(name for name, _ in field.flags))
     if field.enum:
         return Leaf(path, What.NAME, count=count, choices=tuple(name for name, _ in field.enum))
-    if field.is_float or field.is_scaled:
+    if field.value_type is float:
         return Leaf(path, What.NUMBER, count=count)
-    if field.coding.is_signed:
-        top = 1 << (field.width - 1)
-        return Leaf(path, What.INTEGER, -top, top - 1, count)
-    return Leaf(path, What.INTEGER, 0, (1 << field.width) - 1, count)
+    least, greatest = field.whole_limits
+    return Leaf(path, What.INTEGER, least, greatest, count)
 
 
 def _whole(fields: Mapping[str, Any]) -> Any:

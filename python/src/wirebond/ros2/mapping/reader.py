@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable
 
 from wirebond.link.requests import DEFAULT_TIMEOUT
-from wirebond.protocol.model import End, FieldKind, Message, Protocol, Recover
+from wirebond.protocol.model import End, Message, Protocol, Recover
 from wirebond.protocol.problems import WHOLE_FILE, Place, Problems, nearest, suggestion
 from wirebond.protocol.text import yaml_tree
 from wirebond.protocol.text.syntax import readable, validate_syntax
@@ -350,7 +350,7 @@ class _Reader:
             and f.default is None
             and f.has_value
             and not f.is_count
-            and f.kind not in (FieldKind.STRUCT, FieldKind.BITS)
+            and f.value_type is not dict
         ]
         if missing:
             place = _place_in(node, "fields")

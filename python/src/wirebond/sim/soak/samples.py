@@ -7,7 +7,7 @@ from typing import Any
 
 from wirebond.codec import Codec
 from wirebond.errors import MessageError
-from wirebond.protocol.model import End, Field, FieldKind, Message
+from wirebond.protocol.model import End, Field, Message
 from wirebond.protocol.planning import plan_for
 from wirebond.sim.virtual_mcu import VirtualMcu
 
@@ -74,7 +74,7 @@ def _room(field: Field) -> int:
         return 0
     if field.flags or field.digits is not None:
         return 0
-    if field.kind == FieldKind.BOOL:
+    if field.value_type is bool:
         return 1
     is_binary = field.is_integer and field.coding.is_binary
     return field.width - field.coding.is_signed if is_binary else 0
@@ -93,6 +93,6 @@ def _in_string(value: str | bytes, number: int) -> str | bytes:
 
 
 def _value(field: Field, number: int) -> object:
-    if field.kind == FieldKind.BOOL:
+    if field.value_type is bool:
         return bool(number)
     return float(number * field.scale + field.offset) if field.is_scaled else number
