@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import random
 import string
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,7 @@ from wirebond.protocol.matching import fitted_values
 from wirebond.protocol.meaning.field_values import wire_limits
 from wirebond.protocol.model import End, Field, Message
 from wirebond.protocol.planning import expecting, told_by_request
+from wirebond.protocol.sample_values import values_by
 
 _ATTEMPTS = 1000
 _LETTERS = string.ascii_letters + string.digits + " "
@@ -62,45 +64,35 @@ def _frame(codec: Codec, message: Message, sender: End, generator: random.Random
 
 def random_values(message: Message, generator: random.Random) -> dict[str, Any]:
     """Valid values for every field, over the whole range that each can carry."""
-    return fitted_values(message, _struct(message.fields, generator), generator.randint)
+    return fitted_values(message, values_by(_Random(generator), message.fields), generator.randint)
 
 
-def _struct(fields: tuple[Field, ...], generator: random.Random) -> dict[str, Any]:
-    """A count is drawn once for all that it counts, and left out: it is counted."""
-    counting = dict.fromkeys(field.counted_by for field in fields if field.counted_by)
-    most = {name: min(f.max_count or f.max_size for f in fields if f.counted_by == name) for name in counting}
-    counts = {name: generator.randint(0, limit) for name, limit in most.items()}
-    return {
-        field.name: _value(field, counts.get(field.counted_by), generator)
-        for field in fields
-        if field.has_value and not field.is_count
-    }
+@dataclass(frozen=True)
+class _Random:
+    generator: random.Random
 
+    def size(self, _fields: Sequence[Field], most: int) -> int:
+        return self.generator.randint(0, most)
 
-def _value(field: Field, counted: int | None, generator: random.Random) -> Any:
-    if field.value_type is str:
-        size = generator.randint(0, field.room) if counted is None else counted
-        return "".join(generator.choices(field.without_ends(_LETTERS), k=size))
-    if field.value_type is bytes:
-        size = generator.randint(0, field.max_size) if field.is_variable else field.size
-        drawn = generator.randbytes(size if counted is None else counted)
+    def string(self, field: Field, size: int | None) -> str | bytes:
+        if field.value_type is str:
+            size = self.generator.randint(0, field.room) if size is None else size
+            return "".join(self.generator.choices(field.without_ends(_LETTERS), k=size))
+        drawn_size = self.generator.randint(0, field.max_size) if field.is_variable else field.size
+        drawn = self.generator.randbytes(drawn_size if size is None else size)
         return drawn if field.ends_with is None else drawn.replace(bytes([field.ends_with]), b"")
-    if field.is_list and counted is None:
-        counted = generator.randint(0, field.max_count)
-    if field.is_list or field.count is not None:
-        return [_element(field, generator) for _ in range(field.count or counted or 0)]
-    return _element(field, generator)
+
+    def element(self, field: Field, _place: int) -> Any:
+        if field.flags:
+            return [name for name, _ in field.flags if self.generator.random() < 0.5]
+        if field.value_type is bool:
+            return self.generator.random() < 0.5
+        if field.enum:
+            return self.generator.choice(field.enum)[0]
+        return _number(field, self.generator)
 
 
-def _element(field: Field, generator: random.Random) -> Any:
-    if field.fields:
-        return _struct(field.fields, generator)
-    if field.flags:
-        return [name for name, _ in field.flags if generator.random() < 0.5]
-    if field.value_type is bool:
-        return generator.random() < 0.5
-    if field.enum:
-        return generator.choice(field.enum)[0]
+def _number(field: Field, generator: random.Random) -> float | int:
     if field.is_float:
         if field.minimum is not None and field.maximum is not None:
             return generator.uniform(field.minimum, field.maximum)

@@ -1,9 +1,13 @@
-"""Plausible values for any message, inside the limits of its fields. Values only: no engine, no clock."""
+"""Values made up for any message, inside the limits of its fields: one walk, and what it asks of who makes them up.
+
+Values only: no engine, no clock.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, TypeAlias
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeAlias
 
 from wirebond.protocol.matching import fitted_values
 from wirebond.protocol.model import Field, Message
@@ -14,52 +18,81 @@ FEW = 3  # elements of lists, and bytes of texts, whose size may vary
 Wave: TypeAlias = Callable[[int], float | None]
 
 
-def at_rest(_phase: int) -> None:
+class Chooser(Protocol):
+    """Makes up the single values. ``place``: the number of the field, and of the element, so that values may differ."""
+
+    def size(self, fields: Sequence[Field], most: int) -> int:
+        """How many elements or bytes, at most ``most``, each of these fields has: one number counts them, or it is one
+        list without a count."""
+
+    def string(self, field: Field, size: int | None) -> str | bytes:
+        """A text or bytes. ``size``: of a counted one."""
+
+    def element(self, field: Field, place: int) -> Any:
+        """A number, a bool, or names of ``enum`` or ``flags``."""
+
+
+def values_by(choose: Chooser, fields: tuple[Field, ...], place: int = 0) -> dict[str, Any]:
+    """Values for all fields. What counts others is left out: it is counted; so is padding."""
+    counting = dict.fromkeys(field.counted_by for field in fields if field.counted_by)
+    sizes: dict[str, int] = {}
+    for name in counting:
+        counted = [field for field in fields if field.counted_by == name]
+        sizes[name] = choose.size(counted, min(field.max_count or field.max_size for field in counted))
+    return {
+        field.name: _value(choose, field, sizes.get(field.counted_by), place + number)
+        for number, field in enumerate(fields)
+        if field.has_value and not field.is_count
+    }
+
+
+def _value(choose: Chooser, field: Field, size: int | None, place: int) -> Any:
+    if field.is_string:
+        return choose.string(field, size)
+    if field.is_list and size is None:
+        size = choose.size((field,), field.max_count)
+    if field.is_list or field.count is not None:
+        return [_element(choose, field, place + element) for element in range(field.count or size or 0)]
+    return _element(choose, field, place)
+
+
+def _element(choose: Chooser, field: Field, place: int) -> Any:
+    return values_by(choose, field.fields, place) if field.fields else choose.element(field, place)
+
+
+def at_rest(_place: int) -> None:
     """Give every field its value at rest."""
 
 
 def sample_values(message: Message, wave: Wave = at_rest, amounts: Mapping[str, int] | None = None) -> dict[str, Any]:
-    """Make values for every field of a message, except those that count others and padding.
+    """Make plausible values for every field of a message, except those that count others and padding.
 
     :param wave: where each field is between its limits; it gets the number of the field.
-    :param amounts: how many elements lists shall have, by name, up to their ``max``. Others have `FEW`.
+    :param amounts: how many elements a request asked for, by the lists' names. Other lists have `FEW`.
     """
-    return fitted_values(message, _struct(message.fields, 0, wave, amounts or {}))
+    return fitted_values(message, values_by(_Plausible(wave, amounts or {}), message.fields))
 
 
-def _struct(fields: tuple[Field, ...], phase: int, wave: Wave, asked: Mapping[str, int]) -> dict[str, Any]:
-    counting = {f.counted_by for f in fields if f.counted_by}
-    least = {c: min(f.max_count or f.max_size for f in fields if f.counted_by == c) for c in counting}
-    sizes = {counter: min(most, FEW) for counter, most in least.items()}
-    sizes |= {f.counted_by: min(asked[f.name], least[f.counted_by]) for f in fields if f.name in asked}
-    return {
-        f.name: _value(f, sizes.get(f.counted_by, FEW), phase + number, wave)
-        for number, f in enumerate(fields)
-        if f.has_value and not f.is_count
-    }
+@dataclass(frozen=True)
+class _Plausible:
+    wave: Wave
+    asked: Mapping[str, int]
 
+    def size(self, fields: Sequence[Field], most: int) -> int:
+        return min(next((self.asked[f.name] for f in fields if f.asked_by and f.name in self.asked), FEW), most)
 
-def _value(described: Field, size: int, phase: int, wave: Wave) -> Any:
-    """``size``: elements or bytes of a value whose size is counted or free."""
-    if described.value_type is str:
-        return described.without_ends("virtual"[: size if described.counted_by else described.room])
-    if described.value_type is bytes:
-        return bytes(size) if described.counted_by else b""
-    if not described.is_list and described.count is None:
-        return _element(described, phase, wave)
-    count = described.count or min(size, described.max_count)
-    return [_element(described, phase + element, wave) for element in range(count)]
+    def string(self, field: Field, size: int | None) -> str | bytes:
+        if field.value_type is bytes:
+            return bytes(size or 0)
+        return field.without_ends("virtual"[: field.room if size is None else size])
 
-
-def _element(described: Field, phase: int, wave: Wave) -> Any:
-    if described.fields:
-        return _struct(described.fields, phase, wave, {})
-    at = wave(phase)
-    if described.value_type is bool:
-        return at is not None and at > 0
-    if described.enum:
-        return described.enum[0][0]
-    return [] if described.flags else _number(described, at)
+    def element(self, field: Field, place: int) -> Any:
+        at = self.wave(place)
+        if field.value_type is bool:
+            return at is not None and at > 0
+        if field.enum:
+            return field.enum[0][0]
+        return [] if field.flags else _number(field, at)
 
 
 def _number(described: Field, wave: float | None) -> float | int:

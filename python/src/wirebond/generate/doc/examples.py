@@ -5,6 +5,7 @@ The file's own examples come first; a message without one gets values whose byte
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -17,6 +18,7 @@ from wirebond.protocol.matching import fitted_values
 from wirebond.protocol.meaning.field_values import wire_limits
 from wirebond.protocol.model import End, Field, Message, Stuffing
 from wirebond.protocol.planning import expecting
+from wirebond.protocol.sample_values import values_by
 
 _TRIES = 16  # values that are tried, where some hold a delimiter
 
@@ -35,7 +37,7 @@ def examples_of(codec: Codec, message: Message) -> list[str]:
 
 def example_values(message: Message, first: int = 0) -> dict[str, Any]:
     """Values for every field, inside their ranges; the same for the same message and ``first``, which shifts them."""
-    return fitted_values(message, _values(message.fields, first))
+    return fitted_values(message, values_by(_Telling(), message.fields, first))
 
 
 def _carried_values(codec: Codec, message: Message) -> dict[str, Any]:
@@ -56,22 +58,6 @@ def _first_sender(message: Message) -> End:
 def _is_found(stretches: tuple[Stretch, ...], message: Message) -> bool:
     """Is it one frame for a receiver? A byte that is not stuffed and is a delimiter cuts it."""
     return [(stretch.kind, stretch.message) for stretch in stretches] == [(Kind.FRAME, message.name)]
-
-
-def _values(fields: tuple[Field, ...], first: int = 0) -> dict[str, Any]:
-    """What counts others is left out: it is counted. All that one field counts has one size."""
-    counted = [field for field in fields if field.counted_by]
-    sizes = {name: min(_few(f) for f in counted if f.counted_by == name) for name in {f.counted_by for f in counted}}
-    return {
-        field.name: _field_value(field, first + index, sizes.get(field.counted_by, _few(field)))
-        for index, field in enumerate(fields)
-        if field.has_value and not field.is_count
-    }
-
-
-def _few(field: Field) -> int:
-    """How many bytes or elements the example of a value has whose size may vary."""
-    return min(field.room, 4) if field.is_string else min(field.max_count, 2)
 
 
 def values_line(values: dict[str, Any]) -> str:
@@ -124,23 +110,22 @@ def _shown(value: Any) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _field_value(field: Field, index: int, size: int) -> Any:
-    """``size``: bytes of a string, or elements of a list."""
-    if field.value_type is str:
-        return _text(field, size)
-    if field.value_type is bytes:
-        return _bytes(field, size)
-    if field.count is None and not field.is_list:
-        return _element(field, index)
-    return [_element(field, index + element) for element in range(size if field.count is None else field.count)]
+class _Telling:
+    """Values whose bytes differ, so that their order shows."""
 
+    def size(self, fields: Sequence[Field], most: int) -> int:
+        return min(most, *(4 if field.is_string else 2 for field in fields))
 
-def _element(field: Field, index: int) -> Any:
-    if field.value_type is dict:
-        return _values(field.fields, index)
-    if field.value_type is bool:
-        return index % 2 == 0
-    return _float(field, index) if field.is_float else _whole(field, index)
+    def string(self, field: Field, size: int | None) -> str | bytes:
+        size = self.size((field,), field.room) if size is None else size
+        if field.value_type is bytes:
+            return bytes(octet for octet in range(1, 6) if octet != field.ends_with)[:size]
+        return field.without_ends("wirebond" if field.ends_with or field.excludes else "wire")[:size]
+
+    def element(self, field: Field, place: int) -> Any:
+        if field.value_type is bool:
+            return place % 2 == 0
+        return _float(field, place) if field.is_float else _whole(field, place)
 
 
 def _whole(field: Field, index: int) -> Any:
@@ -169,11 +154,3 @@ def _float(field: Field, index: int) -> float:
     if field.minimum is None or field.maximum is None or field.minimum <= value <= field.maximum:
         return value
     return (field.minimum + field.maximum) / 2
-
-
-def _text(field: Field, size: int) -> str:
-    return field.without_ends("wirebond" if field.ends_with or field.excludes else "wire")[:size]
-
-
-def _bytes(field: Field, size: int) -> bytes:
-    return bytes(octet for octet in range(1, 6) if octet != field.ends_with)[:size]
