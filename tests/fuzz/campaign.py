@@ -22,6 +22,9 @@ from wirebond import _engine
 
 TARGETS = ("deframer", "fields", "loader")
 LONGEST_INPUT = {"deframer": 2048, "fields": 512, "loader": 8192}  # bytes
+# libFuzzer limits the peak of its memory (ru_maxrss). A new process begins with the peak of the process that started
+# it, which may be a test worker that once had gigabytes; so a shell starts it.
+APART = ("sh", "-c", '"$@"; exit $?', "sh")
 _LIMITS = ("-timeout=120", "-rss_limit_mb=2048")  # a hang or a leak is a finding, a slow machine is none
 _TAIL = 60  # lines of a finding's report
 
@@ -78,7 +81,7 @@ def fuzz(
     options = [f"-runs={runs}", f"-max_total_time={seconds}", f"-seed={seed}", f"-max_len={LONGEST_INPUT[target]}"]
     options += [*_LIMITS, "-print_final_stats=1", f"-artifact_prefix={findings}/"]
     process = subprocess.Popen(
-        [*command, *options, str(found), *map(str, corpora(target))],
+        [*APART, *command, *options, str(found), *map(str, corpora(target))],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -110,7 +113,7 @@ def replay(target: str, inputs: list[Path]) -> str:
     assert files, "without a file a fuzzer would begin to fuzz"
     command, environment = command_for(target)
     done = subprocess.run(
-        [*command, *_LIMITS, *files], capture_output=True, text=True, errors="replace", check=False, cwd=ROOT,
+        [*APART, *command, *_LIMITS, *files], capture_output=True, text=True, errors="replace", check=False, cwd=ROOT,
         env=os.environ | environment,
     )  # fmt: skip
     return "" if done.returncode == 0 else "\n".join(_report((done.stdout + done.stderr).splitlines()))
@@ -129,7 +132,7 @@ def keep(target: str, work: Path) -> tuple[int, int]:
     fresh.mkdir(parents=True)
     options = ["-set_cover_merge=1", "-use_counters=0", f"-max_len={LONGEST_INPUT[target]}", *_LIMITS]
     done = subprocess.run(
-        [*command, *options, str(fresh), str(kept), str(work / "corpus")], capture_output=True, text=True,
+        [*APART, *command, *options, str(fresh), str(kept), str(work / "corpus")], capture_output=True, text=True,
         errors="replace", check=False, cwd=ROOT, env=os.environ | environment,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-3000:]

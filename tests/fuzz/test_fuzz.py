@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -55,6 +57,13 @@ FAULTS = [
 def test_every_kept_input_holds(target: str) -> None:
     report = campaign.replay(target, [CORPUS / target])
     assert report == ""
+
+
+def test_a_fuzzer_does_not_count_the_memory_of_the_process_that_starts_it() -> None:
+    large = b"x" * 300_000_000
+    peak = [sys.executable, "-c", "import resource; print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"]
+    found = subprocess.run([*campaign.APART, *peak], capture_output=True, text=True, check=True)
+    assert int(found.stdout) * 1024 < len(large)
 
 
 @pytest.mark.long
