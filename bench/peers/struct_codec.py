@@ -34,7 +34,7 @@ class _Struct(ABC):
     """What both have in common: payloads that struct packs and unpacks."""
 
     def stream(self, samples: Iterable[Sample]) -> bytes:
-        return b"".join(self._frame(m.id, FORMATS[m.id].pack(*elements(values))) for m, values in samples)
+        return b"".join(self.frame(m.id, FORMATS[m.id].pack(*elements(values))) for m, values in samples)
 
     def columns(self, stream: bytes) -> Columns:
         """Payloads of a message are joined and laid out by numpy: a step a message, not a step a value. It is quicker
@@ -71,7 +71,7 @@ class _Struct(ABC):
         }
 
     @abstractmethod
-    def _frame(self, message_id: int, payload: bytes) -> bytes:
+    def frame(self, message_id: int, payload: bytes) -> bytes:
         """The payload on the wire."""
 
     @abstractmethod
@@ -84,7 +84,7 @@ class StructCrc(_Struct):
     package = "fastcrc"
     licence = "MIT"
 
-    def _frame(self, message_id: int, payload: bytes) -> bytes:
+    def frame(self, message_id: int, payload: bytes) -> bytes:
         head = bytes((START, len(payload), message_id))
         frame = head + crc16.mcrf4xx(head).to_bytes(2, "little") + payload
         return frame + crc16.mcrf4xx(frame).to_bytes(2, "little")
@@ -111,7 +111,7 @@ class CobsStruct(_Struct):
     package = "cobs"
     licence = "MIT"
 
-    def _frame(self, message_id: int, payload: bytes) -> bytes:
+    def frame(self, message_id: int, payload: bytes) -> bytes:
         body = bytes((message_id,)) + payload
         return b"\0" + cobs.encode(body + crc16.mcrf4xx(body).to_bytes(2, "little")) + b"\0"
 

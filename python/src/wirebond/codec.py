@@ -340,6 +340,7 @@ class Codec:
         self.model = model
         self.tables = EngineTables(model)
         self._index = self.tables.indices
+        self._own: dict[str, _engine.FormatTable] = {}  # of the end whose frame is meant where nobody says
 
     @property
     def name(self) -> str:
@@ -388,8 +389,17 @@ class Codec:
         if header is not None or sender is not None:
             options = {"header": header, "sender": sender}
             refuse_option_for_field("encode", self.model.messages[index], options, values)
-        form = self.tables.format_for(self._end_for(self.model.messages[index], sender))
-        everything = {**({} if values is None else as_mapping(message, values)), **fields}
+        form = self._own.get(message) if sender is None else None
+        if form is None:
+            form = self.tables.format_for(self._end_for(self.model.messages[index], sender))
+            if sender is None:
+                self._own[message] = form
+        if values is None:
+            everything = fields
+        elif fields or type(values) is not dict:
+            everything = {**as_mapping(message, values), **fields}
+        else:
+            everything = values
         return self.tables.frame_of(index, form, everything, header)
 
     def _end_for(self, message: MessageModel, sender: str | None) -> End:

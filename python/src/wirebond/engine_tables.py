@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from sys import intern
 from typing import Any
 
 from wirebond import _engine
@@ -12,6 +13,8 @@ from wirebond.protocol.apart import ends_look_alike
 from wirebond.protocol.model import End, HeaderField, Protocol
 from wirebond.protocol.planning import ids_collide, plan_for
 from wirebond.protocol.problems import no_message
+
+_NO_HEADER: dict[str, Any] = {}
 
 
 class EngineTables:
@@ -28,7 +31,7 @@ class EngineTables:
         self._formats: dict[End | None, _engine.FormatTable] = {}
         plan = plan_for(model, End.HOST)
         self.protocol = _engine.ProtocolTable(model)
-        self.indices = {message.name: i for i, message in enumerate(model.messages)}
+        self.indices = {intern(message.name): i for i, message in enumerate(model.messages)}
         self.address = plan.address
         self.broadcasts = plan.broadcast
 
@@ -45,7 +48,7 @@ class EngineTables:
 
         :raises MessageError: a value is refused.
         """
-        given = {} if header is None else dict(as_mapping("header", header))
+        given = _NO_HEADER if header is None else dict(as_mapping("header", header))
         return _engine.encode(self.protocol, form, index, values, given)
 
     def sequence_of(self, sender: End) -> HeaderField | None:
