@@ -374,15 +374,18 @@ Stream draw_stream(const wirebond::RuntimeSource& source, const std::vector<wire
   return stream;
 }
 
-/// Where a byte is sent as it is, without stuffing, it may be a delimiter, and then ends the frame too early.
+/// Where a byte is sent as it is, without stuffing, it may be a delimiter, and then ends the frame too early. So may
+/// the byte that is sent twice elsewhere: a receiver takes it for half of a pair.
 bool holds_delimiter(const wirebond::FrameFormat& format, const std::uint8_t* wire, std::size_t size) {
   if (wirebond::delimiter_bytes(format) == 0) return false;
   const bool is_stuffed =
       format.stuffing != wirebond::Stuffing::none && format.stuffing != wirebond::Stuffing::decimal_check;
+  const bool doubles = format.stuffing == wirebond::Stuffing::escape && format.escapes.escape == format.opening.first;
   const std::size_t begin = wirebond::opening_bytes(format);
   const std::size_t end = size - format.closing.size;
   for (std::size_t at = begin; at < end; ++at) {
     if (is_stuffed && at >= begin + format.plain_front && at + format.plain_back < end) continue;
+    if (doubles && wire[at] == format.opening.first) return true;
     if (format.closing.stands_at(wire + at, size - at) || format.opening.stands_at(wire + at, size - at)) return true;
   }
   return false;
