@@ -224,6 +224,14 @@ def test_what_cannot_continue_a_value(fields: str, sentence: str) -> None:
         of_fields(f"x: {{bits: {{type: u64, fields: {{{fields}}}}}}}")
 
 
+@pytest.mark.parametrize("first", ["low", "high"])
+@pytest.mark.parametrize(("order", "expected"), [("le", "34 12"), ("be", "12 34")])
+def test_a_value_may_be_all_pieces_of_its_number(first: str, order: str, expected: str) -> None:
+    pieces = "{low: u8, high: {type: u8, continues: low}}"
+    model = of_fields(f"x: {{bits: {{type: u16{order}, first: {first}, fields: {pieces}}}}}")
+    assert wirebond.Codec(model).encode("m", x={"low": 0x1234}) == bytes.fromhex(f"aa 01 {expected}")
+
+
 def test_a_value_in_pieces_counts_nothing() -> None:
     bits = "{bits: {type: u16, fields: {n: u4, o: u4, m: {type: u4, continues: n}}}}"
     with pytest.raises(wirebond.ProtocolFileError, match=re.escape("`b.n` cannot count")):

@@ -65,7 +65,8 @@ inline void store_raw(const FieldTable& field, std::uint8_t* at, std::size_t ind
     return;
   }
   std::uint8_t* const to = at + index * field.size;
-  if (field.width == 8u * field.size) return store_bytes(to, raw, field.size, field.order);  // no other field's bits
+  const bool is_alone = field.width == 8u * field.size && field.pieces.empty();
+  if (is_alone) return store_bytes(to, raw, field.size, field.order);
   const std::uint64_t bits = field.pieces.empty() ? raw << field.shift : split_bits(field, raw);
   store_bytes(to, load_bytes(to, field.size, field.order) | bits, field.size, field.order);
 }
