@@ -257,3 +257,22 @@ TEST_CASE("what waits behind a run that takes minutes expires meanwhile, or when
     }
   }
 }
+
+TEST_CASE("what is sent just before a run of minutes has left is not taken for old") {
+  for (const std::uint32_t seconds : {20u, 66u, 135u}) {
+    CAPTURE(seconds);
+    PatientBoard board;
+    board.link.poll(board.now_us);
+    REQUIRE(board.link.send(aging::Report{}) == wirebond::Status::ok);
+    board.link.on_pended();
+    for (std::uint32_t i = 0; i < seconds * 20; ++i) {
+      board.port.arrive({0x00});  // without it, reception begins again each second, in the same interrupt
+      board.link.poll(board.now_us += 50 * ms);
+      if (std::exchange(board.port.pended, false)) board.link.on_pended();
+    }
+    REQUIRE(board.link.send(aging::Report{}) == wirebond::Status::ok);
+    board.link.on_transmitted();
+    CHECK(board.port.transmit_starts == 2);
+    CHECK(board.link.send_account().expired == 0);
+  }
+}

@@ -340,7 +340,7 @@ class Codec:
         self.model = model
         self.tables = EngineTables(model)
         self._index = self.tables.indices
-        self._own: dict[str, _engine.FormatTable] = {}  # of the end whose frame is meant where nobody says
+        self._own: dict[str, _engine.FormatTable] = {}  # by message, for callers that name no sender
 
     @property
     def name(self) -> str:
