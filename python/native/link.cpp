@@ -68,10 +68,9 @@ Link::Link(LinkSetup setup, std::unique_ptr<Opener> opener, bool waits_for_port)
       appearance_(opener_->path()),
       open_wait_us_(first_open_wait_us) {
   PortProblem problem;
-  if (!opener_->path().empty()) appearance_.watch();
   {
     const WithoutGil released;
-    port_ = opener_->open(stops_opening_, problem);
+    port_ = appearance_.watching([&] { return opener_->open(stops_opening_, problem); });
   }
   if (!port_.is_open() && !waits_for_port) throw_port_error(problem.sentence, problem.code, opener_->name());
   wakeup_ = posix::Descriptor(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
@@ -531,11 +530,13 @@ void Link::open_again(std::unique_lock<std::mutex>& lock, std::uint64_t now_us) 
   }
   if (is_closing_ || now_us < next_open_us_) return;
   PortProblem problem;
-  // Before the try, and until the port is lost again: a device may be back before its loss is noticed.
-  if (!opener_->path().empty()) appearance_.watch();
-  lock.unlock();
-  posix::Descriptor port = opener_->open(stops_opening_, problem);
-  lock.lock();
+  // It is watched until the next attempt: a device may be back before its loss is noticed.
+  posix::Descriptor port = appearance_.watching([&] {
+    lock.unlock();
+    posix::Descriptor opened = opener_->open(stops_opening_, problem);
+    lock.lock();
+    return opened;
+  });
   if (is_closing_) return posix::close_serial(port);
   now_us = monotonic_us();
   if (!port.is_open()) {

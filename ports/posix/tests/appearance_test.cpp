@@ -31,6 +31,10 @@ class Folder {
   std::string path_;
 };
 
+void watch(Appearance& appearance) {
+  appearance.watching([] { return false; });
+}
+
 bool has_event(const Appearance& appearance) {
   pollfd waiting{appearance.get(), POLLIN, 0};
   return ::poll(&waiting, 1, 0) == 1;
@@ -45,7 +49,7 @@ TEST_CASE("a file that appears in the folder is reported") {
   Appearance appearance(folder + "/tty");
   CHECK(appearance.get() < 0);
   CHECK(!appearance.changed());
-  appearance.watch();
+  watch(appearance);
   CHECK(!has_event(appearance));
   make_file(folder + "/tty");
   CHECK(has_event(appearance));
@@ -60,7 +64,7 @@ TEST_CASE("a file that appears in the folder is reported") {
 TEST_CASE("a folder that is not there yet is waited for, step by step") {
   const Folder folder;
   Appearance appearance(folder + "/serial/by-id/arm");
-  appearance.watch();
+  watch(appearance);
   for (const char* step : {"/serial", "/serial/by-id"}) {
     ::mkdir((folder + step).c_str(), 0700);
     CHECK(has_event(appearance));
@@ -73,22 +77,22 @@ TEST_CASE("a folder that is not there yet is waited for, step by step") {
 
 TEST_CASE("a name without a folder lies in the current one") {
   Appearance appearance("tty");
-  appearance.watch();
+  watch(appearance);
   CHECK(appearance.get() >= 0);
 }
 
 TEST_CASE("what appears after the last look is reported, also much later and after a second watch") {
   const Folder folder;
   Appearance appearance(folder + "/tty");
-  appearance.watch();
-  appearance.watch();
+  watch(appearance);
+  watch(appearance);
   const int descriptor = appearance.get();
   make_file(folder + "/tty");  // the device is back before its loss shows
   CHECK(appearance.changed());
-  appearance.watch();
+  watch(appearance);
   CHECK(appearance.get() == descriptor);  // a new one would lose what appears in between
   make_file(folder + "/other");
-  appearance.watch();  // and the caller looks after it
+  watch(appearance);  // and the caller looks after it
   CHECK(!has_event(appearance));
 }
 
@@ -97,11 +101,32 @@ TEST_CASE("a folder that goes away and comes back, as /dev/serial/by-id does, is
   const std::string by_id = folder + "/by-id";
   ::mkdir(by_id.c_str(), 0700);
   Appearance appearance(by_id + "/arm");
-  appearance.watch();
+  watch(appearance);
   ::rmdir(by_id.c_str());
   CHECK(appearance.changed());
   ::mkdir(by_id.c_str(), 0700);
   CHECK(appearance.changed());
   REQUIRE(::symlink("/dev/null", (by_id + "/arm").c_str()) == 0);
   CHECK(appearance.changed());
+}
+
+TEST_CASE("what appears while it is tried is reported after it") {
+  const Folder folder;
+  Appearance appearance(folder + "/tty");
+  for (const char* name : {"/tty", "/other"}) {
+    const bool is_open = appearance.watching([&] {
+      make_file(folder + name);
+      return false;
+    });
+    CHECK_FALSE(is_open);
+    CHECK(has_event(appearance));
+    CHECK(appearance.changed());
+  }
+}
+
+TEST_CASE("what has no path is not watched") {
+  Appearance appearance("");
+  CHECK(appearance.watching([] { return true; }));
+  CHECK(appearance.get() < 0);
+  CHECK_FALSE(appearance.changed());
 }

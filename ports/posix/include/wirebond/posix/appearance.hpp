@@ -15,22 +15,24 @@ namespace wirebond::posix {
 /// not exist, in the nearest one above it. A system without inotify never reports: check from time to time, too.
 class Appearance {
  public:
+  /// `path` may be empty: then nothing is watched.
   explicit Appearance(std::string path) : path_(std::move(path)) {}
 
-  /// Watch from now on, and forget earlier changes. Check the path after this call, each time: a change between the two
-  /// is reported by `changed`, so none is lost.
-  void watch() {
-    if (!changes_.is_open()) changes_ = Descriptor(::inotify_init1(IN_NONBLOCK | IN_CLOEXEC));
-    if (!changes_.is_open()) return;
-    static_cast<void>(drained());
-    watch_nearest();
+  /// Try to open the device: return what `attempt()` returns. The folder is watched before that, and earlier changes
+  /// are forgotten. So a device that appears during the attempt, or after it, is reported by `changed`, and none is
+  /// missed.
+  template <class Attempt>
+  auto watching(Attempt&& attempt) {
+    watch();
+    return attempt();
   }
   void stop() { changes_.reset(); }
 
   /// Return the descriptor to wait for; -1: not watching.
   int get() const { return changes_.get(); }
 
-  /// Check whether anything changed since the last call. Watches a folder nearer to the path if it exists now.
+  /// Check whether anything changed since the last attempt or call. Watches a folder nearer to the path if it exists
+  /// now.
   bool changed() {
     if (!changes_.is_open() || !drained()) return false;
     watch_nearest();
@@ -38,6 +40,14 @@ class Appearance {
   }
 
  private:
+  void watch() {
+    if (path_.empty()) return;
+    if (!changes_.is_open()) changes_ = Descriptor(::inotify_init1(IN_NONBLOCK | IN_CLOEXEC));
+    if (!changes_.is_open()) return;
+    static_cast<void>(drained());
+    watch_nearest();
+  }
+
   bool drained() {
     char events[4096];
     bool any = false;
