@@ -18,11 +18,12 @@ import wirebond
 from tests.patient_servers import be_patient
 from tests.ros2.domains import own_domain
 from tests.ros2.over_rclpy import rclpy_environment
-from tests.ros2.peer import Peer, message
+from tests.ros2.peer import Peer, message, twist
 from tests.ros2.test_rover import Served, diagnosed, is_driving, said
 from tests.shared import PROTOCOLS, ROOT, rover_program
 from tests.waiting import PATIENCE
 from wirebond.ros2.dds import LOOPBACK
+from wirebond.ros2.diagnostics import WARN
 from wirebond.server import Server
 from wirebond.sim import rover
 
@@ -163,6 +164,36 @@ def test_second_press_stops_another_program_that_drives(
 
             peer.wait(is_stopped)
             stands(peer)
+
+
+def test_robot_that_holds_commands_back_after_a_pause_says_so_and_drives_again_by_a_topic(
+    program: Path, tmp_path: Path
+) -> None:
+    how = "to end safe_mode: ros2 topic pub --once /diffdrive/recover std_msgs/msg/Empty"
+    with rover.RoverProcess(program) as robot, bridge(robot.port, tmp_path) as peer:
+        peer.advertise("/diffdrive/recover", "std_msgs/Empty")
+        peer.wait(lambda: peer.is_heard("/diffdrive/recover"))
+        drives(peer)
+        peer.wait(
+            lambda: said(peer, f"no velocity was sent for 3 s: the MCU is in safe_mode and ignores velocity; {how}")
+        )
+
+        def is_held_back() -> bool:
+            peer.publish("/cmd_vel", twist(0.5, 0.0))
+            return int(diagnosed(peer, "commands", how).get("held back by the MCU", "0")) > 0
+
+        peer.wait(is_held_back)
+        status = [one for array in peer.seen["/diagnostics"] for one in array.status if how in one.message][-1]
+        assert status.level == WARN
+        stands(peer)
+
+        def drives_again() -> bool:
+            peer.publish("/diffdrive/recover", message("std_msgs/Empty"))
+            peer.publish("/cmd_vel", twist(0.5, 0.0))
+            return peer.seen["/odom"][-1].twist.twist.linear.x == pytest.approx(0.5, rel=0.1)
+
+        peer.wait(drives_again)
+        peer.wait(lambda: said(peer, "safe_mode is over: the MCU acts on velocity again"))
 
 
 FAULTS = {  # of `faulty_bridge`, and a pattern of what the log names
