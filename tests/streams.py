@@ -128,6 +128,10 @@ def _element(described: Field, source: random.Random) -> Any:
     return value if described.is_scaled else int(value)
 
 
+_MOST_REFUSED = 10_000  # in a row
+_NONE_SENT = "the file is taken, and no frame of it can be sent"
+
+
 class _RefusedError(Exception):
     """A check over words refuses a payload of this size, or its frame would be empty; another one is drawn."""
 
@@ -146,18 +150,20 @@ class Speaker:
 
     def valid(self, source: random.Random) -> bytes:
         """What a sender would send."""
-        while True:
+        for _ in range(_MOST_REFUSED):
             message = source.choice(self._codec.model.messages)
             with contextlib.suppress(_RefusedError):
                 return self._sealed(self._codec, message, random_values(message, source), source)
+        raise AssertionError(_NONE_SENT)
 
     def any(self, source: random.Random) -> bytes:
         """The same or, as often, a payload that its sender would not send, or an id that nobody knows."""
         if source.random() < 0.5:
             return self.valid(source)
-        while True:
+        for _ in range(_MOST_REFUSED):
             with contextlib.suppress(_RefusedError):
                 return self._damaged(source)
+        raise AssertionError(_NONE_SENT)
 
     def _damaged(self, source: random.Random) -> bytes:
         message = source.choice(self._codec.model.messages)

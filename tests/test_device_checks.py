@@ -104,12 +104,30 @@ WORDS = "type: xor16, odd: refuse"
     [
         f"{{check: {{{WORDS}, over: id, seed: message}}, name: a}}, payload: 2",  # two bytes, and the check of one more
         f"{{check: {{{WORDS}, over: magic..id}}, name: a}}, payload: 2, {{check: {{{WORDS}, over: payload}}, name: b}}",
+        # An even number of bytes before it, only for values that a sender refuses.
+        "{field: kind, type: u8, enum: {short: 0, long: 2}}, {constant: 0x07, name: c, when: kind >= 3}, payload: 2, "
+        f"{{check: {{{WORDS}, over: id..c}}, name: a}}",
+        "{field: kind, type: u8, range: [0, 2]}, {constant: 0x07, name: c, when: kind >= 3}, payload: 2, "
+        f"{{check: {{{WORDS}, over: id..c}}, name: a}}",
     ],
 )
 def test_a_frame_whose_check_would_refuse_all_of_them_is_no_frame(checks: str) -> None:
     frame = f"frame: [magic: 0xA5, id: u16, {checks}]"
     with pytest.raises(wirebond.ProtocolFileError, match="always ends a check's range within a word"):
         loads(f"wirebond: 1\nprotocol: p\n{frame}\nmessages: {{m: {{id: 1, sender: mcu, fields: {{x: u16}}}}}}\n")
+
+
+def test_an_empty_message_whose_check_refuses_its_frame_is_not_called_an_empty_frame() -> None:
+    parts = '{field: kind, type: u8}, {constant: 0x07, name: c, when: "kind & 1"}, id: u8, payload: by_id, '
+    parts += f"{{check: {{{WORDS}, over: magic..id}}, name: a}}"
+    codec = wirebond.Codec(
+        loads(f"wirebond: 1\nprotocol: p\nframe: [magic: 0xA5, {parts}]\nmessages: {{m: {{id: 1, sender: mcu}}}}\n")
+    )
+    assert codec.encode("m", header={"kind": 1})[:4] == bytes.fromhex("a5 01 07 01")
+    with pytest.raises(
+        wirebond.MessageError, match="payload of m has 0 bytes, and with them the frame's check has no whole"
+    ):
+        codec.encode("m", header={"kind": 0})
 
 
 @pytest.mark.parametrize(

@@ -51,7 +51,7 @@ std::string refusal(const FormatTable& format, const MessageTable& message, std:
                     const std::vector<std::size_t>& forms) {
   const std::size_t bound = format.format().max_payload;
   const Form& form = format.format().forms[forms.front()];
-  if (payload == 0) {
+  if (payload + form.prefix + form.suffix == 0) {
     return message.name + " is empty, and so is its frame: no receiver could tell that from no frame";
   }
   const std::string begin = "payload of " + message.name + " has " + std::to_string(payload) + " bytes";

@@ -114,7 +114,9 @@ class Watch:
                 self._tell_progress()
 
     def pytest_sessionfinish(self) -> None:
-        write_results(self._path, list(self._tests.values()))
+        """Of an interrupted run the tests under way are left out: they have neither passed nor failed."""
+        ended = set(self._finished)
+        write_results(self._path, [one for one in self._tests.values() if one.name in ended or not one.has_passed])
 
     def _tell_progress(self) -> None:
         self._told = now = time.monotonic()

@@ -58,6 +58,11 @@ def test_a_test_without_a_marker_that_is_not_pure_fails(tmp_path: Path, line: st
     assert [result["has_passed"] for result in results] == [True, False, True]
 
 
+def test_a_test_that_is_interrupted_has_no_result(tmp_path: Path) -> None:
+    _, results = run(tmp_path, "def test_whole(): pass\ndef test_interrupted(): raise KeyboardInterrupt\n")
+    assert [str(result["name"]).rpartition("::")[2] for result in results] == ["test_whole"]
+
+
 def test_the_stall_of_a_timed_test_is_measured(tmp_path: Path) -> None:
     """The process that runs it, and the meter below it, are suspended for a while."""
     text = """

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from math import ceil, floor
 
 from wirebond.protocol.matching import ID_BITS, one_id
 from wirebond.protocol.meaning.messages import spoken
-from wirebond.protocol.model import End, Match, MatchOf, Message, Part, Subject
-from wirebond.protocol.model.forms import Choice, complement, some_value
-from wirebond.protocol.plan import Form
+from wirebond.protocol.model import End, Field, Match, MatchOf, Message, Part, Subject
+from wirebond.protocol.model.forms import Choice, Intervals, complement, header_fields, some_value
+from wirebond.protocol.plan import Form, HeaderNumber
 from wirebond.protocol.planning import forms
 
 
@@ -19,10 +21,12 @@ def uncarried(parts: tuple[Part, ...], id_bits: int, message: Message) -> str:
     """
     if message.has_id and message.id >> id_bits:
         return ""
+    fields = {field.name: field.value for field in header_fields(parts)}
     for end in (End.HOST, End.MCU):
         if not message.sent_by(end):
             continue
-        own = [form for form in forms(parts, end) if (form.id is not None) == message.has_id]
+        fitting = [form for form in forms(parts, end) if (form.id is not None) == message.has_id]
+        own = [form for form in fitting if _can_be_sent(form, fields)]
         if not own:  # which is said elsewhere, too
             continue
         widest = max((form.id.mask for form in own if form.id is not None), default=0)
@@ -68,14 +72,37 @@ def _allows(form: Form, message: Message, size: int) -> bool:
     return all(choice.holds(size) for choice in sizes) and all(_has(form, match) for match in matched)
 
 
+def _can_be_sent(form: Form, fields: Mapping[str, Field]) -> bool:
+    """Has each header field a value that its own rules and this form allow? A sender refuses any other."""
+    for held in form.header:
+        field = fields[held.name]
+        allowed = _allowed(field)
+        if allowed:
+            whole = Choice(Subject.FIELD, held.name, (1 << field.width) - 1, allowed)
+            if some_value((whole, *_asked(form, held)), field.width) is None:
+                return False
+    return True
+
+
+def _allowed(field: Field) -> Intervals:
+    """The bits of the values that a header field may have; empty: any, as far as is easily told."""
+    if field.enum:
+        return tuple((bits, bits) for bits in sorted({field.wire_bits(name) for name, _ in field.enum}))
+    if not field.is_unsigned or field.is_scaled or field.minimum is None or field.maximum is None:
+        return ()
+    return ((ceil(field.minimum), floor(field.maximum)),)
+
+
 def _has(form: Form, match: Match) -> bool:
     """Can a header field of this form have a value that tells the message?"""
     field = next((field for field in form.header if field.name == match.name), None)
-    if field is None:
-        return False
+    return field is not None and some_value((_choice(match), *_asked(form, field)), match.width) is not None
+
+
+def _asked(form: Form, field: HeaderNumber) -> list[Choice]:
+    """What the form asks of this field."""
     fixed = Choice(Subject.FIELD, field.name, field.fixed_mask, ((field.fixed_value, field.fixed_value),))
-    asked = [held.choice for held in form.choices if held.choice.number == fixed.number]
-    return some_value((_choice(match), fixed, *asked), match.width) is not None
+    return [fixed, *(held.choice for held in form.choices if held.choice.number == fixed.number)]
 
 
 def _uncarried_id(allowed: list[Form], message: Message, id_bits: int) -> int | None:
