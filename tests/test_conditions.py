@@ -340,6 +340,17 @@ def test_frames_that_no_receiver_could_read_are_refused(frame: str, sentence: st
         protocol("refused", f"{frame}, payload: by_length, {CRC}", "{m: {id: 1, sender: both}}")
 
 
+@pytest.mark.parametrize("values", ["enum: {a: 0, b: 2}", "range: [0, 2]"])
+def test_a_form_that_needs_values_which_its_sender_refuses_is_none(values: str) -> None:
+    with pytest.raises(ProtocolFileError, match="no frame of the host carries `m` with 0 payload bytes"):
+        protocol(
+            "refused",
+            f"magic: 0xA1, length: u8, {{field: kind, type: u8, {values}}}, {{id: u8, when: kind >= 3}}, "
+            f"payload: by_length, {CRC}",
+            "{m: {id: 1, sender: both}}",
+        )
+
+
 def test_a_message_that_the_conditions_leave_no_form_for_is_refused() -> None:
     with pytest.raises(ProtocolFileError, match="no frame of the host carries `m` with 9 payload bytes; let the cond"):
         protocol(

@@ -27,7 +27,7 @@ def uncarried(parts: tuple[Part, ...], id_bits: int, message: Message) -> str:
             continue
         fitting = [form for form in forms(parts, end) if (form.id is not None) == message.has_id]
         own = [form for form in fitting if _can_be_sent(form, fields)]
-        if not own:  # which is said elsewhere, too
+        if not fitting:  # which is said elsewhere, too
             continue
         widest = max((form.id.mask for form in own if form.id is not None), default=0)
         if message.has_id and 0 < widest < message.id:
