@@ -1,6 +1,10 @@
 """For all tests: correctness depends neither on how fast the machine is nor on how the run was started."""
 
+import atexit
+import os
+import shutil
 import signal
+import tempfile
 from collections.abc import Iterator
 
 import pytest
@@ -20,6 +24,11 @@ settings.load_profile("any_speed")
 
 # A shell ignores Ctrl-C for what it starts in the background, and children would inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# Servers have their sockets there, and stops that nobody released are kept there: those of another run, which may have
+# been killed, must not meet this one.
+os.environ["XDG_RUNTIME_DIR"] = tempfile.mkdtemp(prefix="wirebond_")
+atexit.register(shutil.rmtree, os.environ["XDG_RUNTIME_DIR"], ignore_errors=True)
 
 # Who asks a robot without saying how long it may take waits a second: for a busy machine that is nothing.
 ASKING = (

@@ -15,6 +15,7 @@ import pytest
 
 from tests.shared import ROOT
 from tests.waiting import let_pass
+from wirebond.link.attached.address import socket_folder
 
 pytestmark = pytest.mark.live
 
@@ -61,6 +62,14 @@ def test_a_test_without_a_marker_that_is_not_pure_fails(tmp_path: Path, line: st
 def test_a_test_that_is_interrupted_has_no_result(tmp_path: Path) -> None:
     _, results = run(tmp_path, "def test_whole(): pass\ndef test_interrupted(): raise KeyboardInterrupt\n")
     assert [str(result["name"]).rpartition("::")[2] for result in results] == ["test_whole"]
+
+
+def test_what_another_run_left_behind_meets_no_test() -> None:
+    """Sockets, and stops that nobody released: a pty's number is soon given again, and the robot there would stand."""
+    command = "import conftest; from wirebond.link.attached.address import socket_folder; print(socket_folder())"
+    other = subprocess.run([sys.executable, "-c", command], cwd=ROOT, capture_output=True, text=True, check=True)
+    common = str(Path("/tmp") / f"wirebond-{os.getuid()}")
+    assert len({other.stdout.strip(), str(socket_folder()), common}) == 3
 
 
 def test_the_stall_of_a_timed_test_is_measured(tmp_path: Path) -> None:
