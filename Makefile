@@ -34,7 +34,7 @@ screenshots: build/setup-test.stamp ## pictures of the console into docs/images 
 	@$(PYTHON) -m tests.console.screenshots $(ARGS)
 
 .PHONY: test
-test: build/setup-test.stamp lint ## everything that must hold, in about ten minutes
+test: build/setup-test.stamp lint ## all tests but the long ones, in about twelve minutes
 	@$(PYTHON) -m tests.runner --workers $(WORKERS)
 
 .PHONY: check

@@ -10,7 +10,9 @@ from rich.console import Console
 from rich.text import Text
 
 from wirebond.cli.message_rows import MessageRows, Row, Widths
-from wirebond.cli.shown import values_text
+from wirebond.cli.shown import units_of, values_text
+from wirebond.generate.new.template import template_text
+from wirebond.protocol import loads
 
 JOINTS = [{"position": 0.1234 * (n - 6), "velocity": -1.5 * n, "torque": n} for n in range(12)]
 HEAD = "joint_states     12  50.0 Hz"
@@ -47,6 +49,28 @@ def test_values_keep_their_places_while_they_change() -> None:
     assert [len(line) for line in after] == [len(line) for line in before]
     assert lines({"speed": -100, "mode": "automatic"}, widths=widths) == [f"{HEAD}  speed -100  mode automatic"]
     assert lines({"speed": 7, "mode": "idle"}, widths=widths) == [f"{HEAD}  speed    7  mode idle"]
+
+
+def test_units_stand_behind_their_values() -> None:
+    model = loads(template_text("native", "legs", {"joints": 3, "battery": 1}), "legs.yaml")
+    units = units_of(model.message("joint_states").fields)
+    assert units == {
+        "measured": "us",
+        "joints.position": "rad",
+        "joints.velocity": "rad/s",
+        "joints.torque": "N·m",
+    }
+    shown = lines({"measured": 123456, "joints": JOINTS}, units=units)
+    assert shown[1] == "  measured 123456 us"
+    assert [line.rsplit(" ", 1)[1] for line in shown if line.endswith(("rad", "rad/s", "N·m"))] == [
+        "rad",
+        "rad/s",
+        "N·m",
+    ]
+    assert all(len(line) <= 80 for line in shown)
+    assert lines({"voltage": 12.3, "mode": "idle"}, units=units_of(model.message("status").fields)) == [
+        f"{HEAD}  voltage 12.3 V  mode idle"
+    ]
 
 
 def test_a_value_that_is_wider_than_the_terminal_is_broken_and_not_cut() -> None:

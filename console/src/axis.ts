@@ -8,10 +8,16 @@ const ROOM_STEP = 16; // px: a plot does not change its width with each digit
 export const TICK = 4; // px, and so is the gap between the tick and its number
 const MARGIN = 3 * TICK;
 
-/** With as many digits as tell neighbours apart. */
+/** How many digits behind the point show this step as it is: 0.0025 has four. */
+function digitsOfStep(step: number): number {
+  const least = Math.max(0, Math.ceil(-Math.log10(step) - 1e-9));
+  return Math.abs(step * 10 ** least - Math.round(step * 10 ** least)) < 1e-6 ? least : least + 1;
+}
+
+/** With as many digits as show that neighbours are equally far apart. */
 export function valueTicks(splits: readonly number[]): string[] {
   const step = splits.length > 1 ? Math.abs(splits[1]! - splits[0]!) : 1;
-  const digits = Math.max(0, Math.ceil(-Math.log10(step) - 1e-9));
+  const digits = digitsOfStep(step);
   const greatest = Math.max(...splits.map(Math.abs));
   if (digits <= MOST_DIGITS && greatest < MOST) return splits.map((value) => numberText(value, 10 ** -digits));
   const places = Math.min(15, Math.max(0, Math.floor(Math.log10(greatest)) - Math.floor(Math.log10(step))));

@@ -22,8 +22,19 @@ export function axesOf(message: Message): Axis[] {
     );
 }
 
-/** Messages that can be driven, those of the emergency stop first. */
-export function drivable(protocol: Protocol): Drive[] {
+// Letting go of a pad sends zero, which ends a movement. Of an angle or a place, zero is one more place to go to.
+const PLACES = new Set(["rad", "mrad", "deg", "°", "m", "cm", "mm"]);
+const isTwoSided = ({ low }: Axis) => low < 0;
+const moves = ({ field }: Axis) => !PLACES.has(field.unit ?? "");
+
+/** Messages that a pad can drive: with a speed or the like, forward and back. */
+export const drivable = (protocol: Protocol): Drive[] =>
+  commands(protocol)
+    .map(({ message, axes }) => ({ message, axes: axes.filter(isTwoSided) }))
+    .filter(({ axes }) => axes.some(moves));
+
+/** Messages that move the robot, with a number that can be set to zero; those of the emergency stop first. */
+export function commands(protocol: Protocol): Drive[] {
   const stops = new Set(protocol.emergency_stop.map((stop) => stop.message));
   return protocol.messages
     .filter((message) => message.sender !== "mcu" && message.is_controlled)

@@ -1,5 +1,5 @@
 // What of a protocol can be tuned: its parameter service, and messages that set numbers. It sends nothing.
-import { drivable } from "./drive";
+import { commands } from "./drive";
 import { columnsOf, type Field, type Message, type Protocol } from "./protocol";
 
 export interface Parameter {
@@ -98,7 +98,7 @@ export function answering(protocol: Protocol): string[] {
     ({ field, message }) =>
       message.sender === "mcu" && message.every !== null && field.kind === "number" && !field.is_time,
   );
-  const driven = drivable(protocol).flatMap((drive) => drive.axes.map((axis) => axis.field.unit));
+  const driven = commands(protocol).flatMap((drive) => drive.axes.map((axis) => axis.field.unit));
   const first = all.find(({ field }) => field.unit && driven.includes(field.unit)) ?? all[0];
   return all
     .filter(({ field }) => field.unit === first?.field.unit)

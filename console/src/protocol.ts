@@ -176,7 +176,7 @@ export function grouped(text: string): string {
   return rest === undefined ? groups : `${groups}.${rest}`;
 }
 
-/** Any value of a message as one line: flags as names, structs and lists in short. */
+/** Any value of a message as one line: flags as names, structs, lists and groups in short. */
 export function valueText(value: unknown, field: Field | null): string {
   if (value === null || value === undefined) return "–";
   if (field?.kind === "struct" && field.fields && !Array.isArray(value) && typeof value === "object") {
@@ -186,12 +186,26 @@ export function valueText(value: unknown, field: Field | null): string {
   if (Array.isArray(value)) {
     if (value.length === 0) return "–";
     if (field?.kind === "flags" && field.count === null && field.max_count === null) return value.join(", ");
+    if (field?.kind === "struct" && field.fields) return fieldByField(value as Record<string, unknown>[], field.fields);
     return `[${value.map((one) => valueText(one, field)).join(", ")}]`;
   }
   if (typeof value === "number") return numberText(value, field?.step ?? null);
   if (typeof value === "boolean") return value ? "true" : "false";
   if (typeof value === "object") return JSON.stringify(value);
   return String(value);
+}
+
+/** Of a group: each field once, with its values of all elements. */
+function fieldByField(elements: Record<string, unknown>[], fields: Field[]): string {
+  return fields
+    .map(
+      (one) =>
+        `${one.name} ${withUnit(
+          elements.map((element) => element[one.name]),
+          one,
+        )}`,
+    )
+    .join("  ");
 }
 
 export function withUnit(value: unknown, field: Field | null): string {

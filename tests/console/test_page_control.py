@@ -247,6 +247,33 @@ def test_the_stop_of_another_program_is_released_by_a_second_press_that_names_it
     wait_until(lambda: f"{done.name} released the emergency stop by {name}" in caplog.text, lambda: caplog.text)
 
 
+def test_a_form_keeps_what_was_typed_while_its_repetition_ends_with_the_view(rover: Desk) -> None:
+    page = rover.page("control")
+    take_control(page)
+    form = page.get_by_role("form", name="velocity")
+    linear = form.get_by_role("spinbutton", name="linear")
+    linear.fill("0.4")
+    form.get_by_role("button", name=re.compile("^Repeat")).click()
+    expect(form.get_by_role("button", name=re.compile("^Repeating"))).to_be_visible()
+    page.locator("nav").get_by_role("button", name="Plots").click()
+    expect(said(page).filter(has_text="velocity is no longer repeated, because its form was left")).to_be_visible()
+    page.locator("nav").get_by_role("button", name="Control").click()
+    expect(linear).to_have_value("0.4")
+    expect(form.get_by_role("button", name=re.compile("^Repeat "))).to_be_visible()
+    form.get_by_role("button", name="Default values").click()
+    expect(linear).to_have_value("0")
+
+
+def test_while_a_stop_holds_a_form_says_that_it_is_not_held_back(rover: Desk) -> None:
+    page = rover.page("control")
+    shows_the_robot(page)
+    warning = "The emergency stop does not hold this message back"
+    expect(page.get_by_text(warning)).to_have_count(0)
+    rover.link.emergency_stop()
+    expect(page.get_by_role("form", name="parameter").get_by_text(warning)).to_be_visible()
+    expect(page.get_by_role("form", name="velocity").get_by_text(warning)).to_have_count(0)
+
+
 def test_a_double_click_is_no_second_thought_whatever_its_first_click_put_there(rover: Desk) -> None:
     page = rover.page("control")
     shows_the_robot(page)

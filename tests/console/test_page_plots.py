@@ -99,6 +99,38 @@ def test_eight_series_have_eight_colours_that_a_reload_keeps(rover: Desk) -> Non
     assert page.locator(".legend .swatch").evaluate_all(swatches) == kept
 
 
+def test_a_field_goes_into_the_chosen_plot_and_out_of_it(rover: Desk) -> None:
+    page = rover.page("plots")
+    is_drawn(page)
+    plots = page.locator(".plot")
+    fields = page.locator(".fields")
+    battery = fields.get_by_role("button", name="battery")
+    left = fields.get_by_role("button", name="left_ticks")
+    page.get_by_role("button", name="New plot").click()
+    expect(plots.nth(1)).to_contain_text("Click a field in the list, or drag it here.")
+    left.click()  # it is in the first plot already
+    expect(plots.nth(1)).to_contain_text("odometry.left_ticks")
+    expect(plots.nth(0)).to_contain_text("odometry.left_ticks")
+    left.click()
+    expect(plots.nth(1)).to_contain_text("Click a field in the list")
+    expect(plots.nth(0)).to_contain_text("odometry.left_ticks")
+    battery.click()
+    expect(plots.nth(1)).to_contain_text("status.battery")
+    plots.nth(0).locator(".legend").click()
+    battery.click()
+    expect(plots.nth(0)).to_contain_text("status.battery")
+
+
+def test_plots_that_fit_are_not_cut_off(rover: Desk) -> None:
+    page = rover.page("plots")
+    is_drawn(page)
+    page.get_by_role("button", name="New plot").click()
+    page.locator(".fields").get_by_role("button", name="battery").click()
+    expect(page.locator(".plot").nth(1)).to_contain_text("status.battery")
+    left = "(one) => one.scrollHeight - one.clientHeight"
+    wait_until(lambda: page.locator(".plots").evaluate(left) <= 1, "everything fits")
+
+
 def test_twelve_joints_are_twelve_lines_with_one_click(browser: Browser, tmp_path: Path) -> None:
     file = tmp_path / "legs.yaml"
     file.write_text(template_text("native", "legs", {"joints": 12}))

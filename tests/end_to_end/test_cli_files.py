@@ -14,6 +14,7 @@ import pytest
 from tests.command import run
 from tests.shared import PROTOCOLS, rejected_vectors
 from tests.waiting import PATIENCE
+from wirebond.generate.code import PORTS
 
 pytestmark = pytest.mark.live
 
@@ -73,6 +74,11 @@ def test_shells_complete_commands_and_help_says_how() -> None:
     asked = {**os.environ, "_WIREBOND_COMPLETE": "complete_bash", "COMP_WORDS": "wirebond ex", "COMP_CWORD": "1"}
     done = subprocess.run([COMMAND], env=asked, capture_output=True, text=True, timeout=PATIENCE, check=True)
     assert done.stdout.split() == ["explain", "export"]
+
+
+def test_gen_names_every_port_that_it_has() -> None:
+    shown = " ".join(run("gen", "--help").stdout.replace("│", " ").split())
+    assert f"Add a port's files: {', '.join(PORTS)}." in shown
 
 
 class TestExplain:

@@ -94,7 +94,27 @@ ONE_SENTENCE = [
         "this `}`, which closes nothing",
     ),
     ("a:\n\tb: 1", "f:2:1: this is not YAML (while scanning for the next token found character '\\t'"),
-    ("a: 1\n b: 2", "f:2:3: this is not YAML (mapping values"),
+    (
+        "a: 1\n b: 2",
+        "f:2:3: this line is indented further than the one above, which has a value; begin it in column 1",
+    ),
+    (
+        "a:\n  b:\n    c: 1\n   d: 2\n",
+        "f:4:4: this line begins in column 4, where no block above does; begin it in column 3 or 5",
+    ),
+    (
+        "a:\n  b: 1\n # why\n d: 2\n",
+        "f:4:2: this line begins in column 2, where no block above does; begin it in column 1 or 3",
+    ),
+    (
+        "a:\n  b 1\n  c: 2\n",
+        "f:3:4: the line above has no colon; write `key: value`, with a space after the colon",
+    ),
+    (
+        "a:\n  b: 0\n  c 1\n  d: 2\n",
+        "f:3:3: this is not YAML (while scanning a simple key could not find expected ':'); write a colon and a space "
+        "after this key",
+    ),
     ("a: *x", "f:1:4: the alias `*x` has no anchor before it; write `&x` there"),
     ("a: &x [*x]", "f:1:8: the alias `*x` stands inside what it repeats; write it out"),
     ("a: 1\n---\nb: 2", "f:2:1: a second YAML document begins here; a file holds one protocol"),

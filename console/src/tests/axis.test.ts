@@ -7,6 +7,12 @@ test("numbers on an axis have the digits that tell them apart", () => {
   expect(valueTicks([2e9, 2e9 + 1])).toEqual(["2 000 000 000", "2 000 000 001"]);
 });
 
+test("numbers at equal distances read so", () => {
+  expect(valueTicks([0, 0.0025, 0.005, 0.0075])).toEqual(["0.0000", "0.0025", "0.0050", "0.0075"]);
+  expect(valueTicks([0, 2.5, 5])).toEqual(["0.0", "2.5", "5.0"]);
+  expect(valueTicks([0, 25, 50])).toEqual(["0", "25", "50"]);
+});
+
 test("very small and very large numbers are told apart, too", () => {
   expect(valueTicks([-2e-9, 0, 2e-9])).toEqual(["−2e−9", "0", "2e−9"]);
   expect(valueTicks([1.5e-8, 1.6e-8])).toEqual(["1.5e−8", "1.6e−8"]);

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { clamp, drivable, valueAt } from "../drive";
+import { clamp, commands, drivable, valueAt } from "../drive";
 import { asPython, bytesOf } from "../frame";
 import {
   addressOf,
@@ -9,6 +9,7 @@ import {
   headerFields,
   initialFields,
   numberText,
+  valueText,
   type Field,
   type Message,
   type Protocol,
@@ -44,6 +45,21 @@ test("a number has the digits of its step on the wire, so that columns do not ju
   expect(numberText(-12345.6, 0.1)).toBe("−12 345.6");
   expect(numberText(null)).toBe("–");
   expect(numberText(3e-7)).toBe("3.000e-7");
+});
+
+test("of a group each field stands there once", () => {
+  const joints = field({
+    name: "joints",
+    kind: "struct",
+    count: 2,
+    fields: [field({ name: "position", unit: "rad", step: 0.01 }), field({ name: "mode", kind: "enum", unit: null })],
+  });
+  const values = [
+    { position: 0.5, mode: "on" },
+    { position: -1, mode: "off" },
+  ];
+  expect(valueText(values, joints)).toBe("position [0.50, −1.00] rad  mode [on, off]");
+  expect(valueText([], joints)).toBe("–");
 });
 
 test("an age is short", () => {
@@ -91,10 +107,19 @@ test("a pad drives a message that moves, with a range around zero", () => {
       message("asks", false, [field({})]),
       message("mode", true, [field({ min: 1 })]),
       message("velocity", true, [field({})]),
+      message("gripper", true, [field({ name: "opening", unit: "%", min: 0, max: 100 })]),
+      message("look", true, [field({ name: "pan", unit: "deg" }), field({ name: "tilt", unit: "deg" })]),
+      message("car", true, [field({ name: "speed", unit: "m/s" }), field({ name: "steering", unit: "rad" })]),
+      message("boat", true, [field({ name: "rudder", unit: "deg" }), field({ name: "thrust", unit: "%", min: 0 })]),
     ],
     emergency_stop: [],
   } as unknown as Protocol;
-  expect(drivable(protocol).map((drive) => drive.message.name)).toEqual(["velocity"]);
+  const driven = drivable(protocol).map(({ message, axes }) => [message.name, axes.map((axis) => axis.field.name)]);
+  expect(driven).toEqual([
+    ["velocity", ["linear"]],
+    ["car", ["speed", "steering"]],
+  ]);
+  expect(commands(protocol).map(({ message }) => message.name)).toEqual(["velocity", "gripper", "look", "car", "boat"]);
 });
 
 test("each byte belongs to the deepest part that names it", () => {

@@ -154,6 +154,18 @@ def test_commands_that_nobody_watches_or_stops_are_notes() -> None:
     assert schedule.assess_safety(made(DEFAULT_FRAME, DRIVE, watched).model, NOWHERE) == []
 
 
+def test_a_command_that_the_stop_does_not_hold_back_is_a_note() -> None:
+    grip = "grip: {id: 9, sender: host, fields: {opening: {type: u8, unit: mm}}}"
+    rest = f"{STOP}\ndeadlines: [{{message: drive, at: mcu, after: 1 s, then: stop}}]"
+    [found] = schedule.assess_safety(made(DEFAULT_FRAME, f"{DRIVE[:-1]}, {grip}}}", rest).model, NOWHERE)
+    assert (found.rule, found.severity) == ("outside-the-stop", Severity.NOTE)
+    assert "does not hold back `grip`, and any program may send it" in found.sentence
+    light = f"{DRIVE[:-1]}, {grip.replace(', unit: mm', '')}}}"  # a number without a unit: a mode, a colour
+    assert schedule.assess_safety(made(DEFAULT_FRAME, light, rest).model, NOWHERE) == []
+    listed = rest.replace(STOP, STOP.replace("{message", "[{message") + ", {message: grip, opening: 0}]")
+    assert schedule.assess_safety(made(DEFAULT_FRAME, f"{DRIVE[:-1]}, {grip}}}", listed).model, NOWHERE) == []
+
+
 LINES = "[{delimiter: 0x0A}, {id: u8}, {payload: rest}, {check: sum8}, {delimiter: 0x0A}]"
 
 

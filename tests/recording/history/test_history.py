@@ -17,7 +17,9 @@ from tests.shared import codec
 from tests.waiting import PATIENCE, wait_until
 from wirebond.console.tables import message_rows
 from wirebond.errors import UsageError
+from wirebond.generate.new.template import template_text
 from wirebond.link.tap import LinkEvent
+from wirebond.protocol import loads
 from wirebond.protocol.model import End
 from wirebond.recording.history import track
 from wirebond.recording.history.recorded import recorded_source
@@ -159,6 +161,15 @@ def test_a_rate_is_right_from_the_first_second_on() -> None:
             assert rows["odometry"]["rate"] == pytest.approx(20, rel=0.06)
     late = {row["name"]: row for row in message_rows(source, 40.0, at=None, with_sparks=False)}
     assert late["odometry"]["rate"] == 0 and late["odometry"]["due"] == 20
+
+
+def test_the_small_line_beside_a_message_is_of_a_value_and_not_of_its_time_stamp() -> None:
+    proto = wirebond.Codec(loads(template_text("native", "legs", {"joints": 2}), "legs.yaml"))
+    source = Source(proto, End.HOST, proto.model.idle_seconds)
+    joints = [{"position": 0.5, "velocity": 0, "torque": 0}] * 2
+    source.feed(End.MCU, [proto.encode("joint_states", measured=5, joints=joints)], [10.0])
+    [row] = [r for r in message_rows(source, 10.1, at=None, with_sparks=True) if r["name"] == "joint_states"]
+    assert row["spark"]["field"] == "joints[0].position"
 
 
 def test_round_trips_are_from_a_request_to_its_reply() -> None:

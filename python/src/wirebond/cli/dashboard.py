@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from rich.console import Group, RenderableType
@@ -15,7 +15,7 @@ from rich.text import Text
 
 from wirebond.analysis.diagnosis import Diagnosis
 from wirebond.cli.message_rows import MessageRows, Row, Widths
-from wirebond.cli.shown import behind_schedule, log_text, sequence_parts, unlisted_text, values_text
+from wirebond.cli.shown import behind_schedule, log_text, sequence_parts, units_of, unlisted_text, values_text
 from wirebond.codec import Message
 from wirebond.link import Link, LinkStats
 from wirebond.protocol.model import End
@@ -32,6 +32,7 @@ class _Seen:
     times: deque[float] = field(default_factory=deque)
     last: Message | None = None
     widths: Widths = field(default_factory=Widths)
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def rate(self, now: float) -> float:
         """Messages a second over the window: intervals between the messages in it."""
@@ -55,7 +56,10 @@ class Dashboard:
 
     def update(self, messages: list[Message]) -> None:
         for message in messages:
-            seen = self._seen.setdefault(self._title_of(message), _Seen())
+            title = self._title_of(message)
+            if title not in self._seen:
+                self._seen[title] = _Seen(units=self._units_of(message))
+            seen = self._seen[title]
             seen.count += 1
             seen.times.append(message.t)
             seen.last = message
@@ -89,7 +93,12 @@ class Dashboard:
         fields = message.fields if said is None else {}
         header = values_text({n: v for n, v in message.header.items() if n != self._peer}, between=", ")
         shown = Text.assemble(f"[{header}] " if header else "", said or "")
-        return Row(name, str(seen.count), rate, fields, seen.widths, shown, "; ".join(message.violations))
+        wrong = "; ".join(message.violations)
+        return Row(name, str(seen.count), rate, fields, seen.widths, seen.units, shown, wrong)
+
+    def _units_of(self, message: Message) -> dict[str, str]:
+        described = next((m for m in self._link.codec.model.messages if m.name == message.name), None)
+        return {} if described is None else units_of(described.fields)
 
     def _title_of(self, message: Message) -> str:
         """Its name; where frames say who sent them, of each sender a row of its own."""

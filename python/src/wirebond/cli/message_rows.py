@@ -39,6 +39,7 @@ class Row:
     """One message.
 
     :ivar values: where it has fields to show.
+    :ivar units: of the values that have one, by path.
     :ivar said: what stands in the place of the values, or before them.
     :ivar wrong: what is wrong with them.
     """
@@ -48,6 +49,7 @@ class Row:
     rate: str
     values: Mapping[str, Any]
     widths: Widths
+    units: Mapping[str, str] = field(default_factory=dict)
     said: Text = field(default_factory=Text)
     wrong: str = ""
 
@@ -78,7 +80,7 @@ class MessageRows:
 def _lines(head: Text, row: Row, width: int) -> Iterator[Text]:
     """A line if all has room in it; else the head, and the values below."""
     fields = [(path, value) for path, value in flat_values(row.values)]
-    cells = [Text(_cell(path, value, row.widths)) for path, value in fields]
+    cells = [Text(_cell(path, value, row)) for path, value in fields]
     cells = [*([row.said] if row.said else []), *cells, *([Text(row.wrong, "red")] if row.wrong else [])]
     whole = Text(_BETWEEN).join(cells)
     if cell_len(head.plain) + cell_len(whole.plain) <= width:
@@ -92,15 +94,20 @@ def _lines(head: Text, row: Row, width: int) -> Iterator[Text]:
     for path, value in fields:
         if path in lists:
             elements = [Text(text) for text in row.widths.padded(path, value)]
+            elements[-1].append(_unit(path, row))
             yield from _flow(f"{_BETWEEN}{path:<{label}} ", elements, " ", width)
     if row.wrong:
         yield from _flow(_BETWEEN, [Text(word, "red") for word in row.wrong.split(" ")], " ", width)
 
 
-def _cell(path: str, value: str | list[str], widths: Widths) -> str:
+def _cell(path: str, value: str | list[str], row: Row) -> str:
     if isinstance(value, str):
-        return f"{path} {widths.padded(path, [value])[0]}"
-    return f"{path} [{' '.join(widths.padded(path, value) if value else value)}]"
+        return f"{path} {row.widths.padded(path, [value])[0]}{_unit(path, row)}"
+    return f"{path} [{' '.join(row.widths.padded(path, value) if value else value)}]{_unit(path, row)}"
+
+
+def _unit(path: str, row: Row) -> str:
+    return f" {row.units[path]}" if path in row.units else ""
 
 
 def _flow(label: str, cells: Iterable[Text], between: str, width: int) -> Iterator[Text]:

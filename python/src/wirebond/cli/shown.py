@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
@@ -12,6 +12,7 @@ from wirebond.cli.values import hex_of, to_json
 from wirebond.codec import Codec, Message, SequenceStats, Stats
 from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.log import LogLine
+from wirebond.protocol.model import Field
 from wirebond.visible import visible
 
 if TYPE_CHECKING:  # most commands open no link
@@ -151,7 +152,7 @@ def unlisted_text(stats: Stats) -> str:
 
 
 def values_text(fields: Mapping[str, Any], between: str = "  ") -> str:
-    """Field values for a person: short numbers, units left to the column's reader."""
+    """Field values for a person: short numbers, without units."""
     return between.join(f"{path} {text_of(value)}" for path, value in flat_values(fields))
 
 
@@ -172,6 +173,17 @@ def flat_values(fields: Mapping[str, Any], above: str = "") -> Iterator[tuple[st
             yield from flat_values({key: [one[key] for one in value] for key in value[0]}, f"{path}.")
         else:
             yield path, [_value_text(one) for one in value]
+
+
+def units_of(fields: Iterable[Field], above: str = "") -> dict[str, str]:
+    """The unit of each value of `flat_values` that has one, by its path."""
+    found: dict[str, str] = {}
+    for field in fields:
+        path = f"{above}{field.name}"
+        found |= units_of(field.fields, f"{path}.")
+        if field.unit:
+            found[path] = field.unit
+    return found
 
 
 def _value_text(value: Any) -> str:

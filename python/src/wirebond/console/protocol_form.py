@@ -8,7 +8,7 @@ from typing import Any
 
 from wirebond.as_json import plain
 from wirebond.codec import Codec
-from wirebond.link.attached.words import is_controlled
+from wirebond.protocol.controlled import is_controlled
 from wirebond.protocol.model import (
     Deadline,
     End,

@@ -63,9 +63,11 @@ def _newest(newest: Newest) -> dict[str, Any]:
 
 
 def _spark_column(source: Source, end: End, name: str) -> str | None:
-    """The first column of a plain number; else the first one."""
-    columns = source.history.columns(end, name)
-    numbers = {f.name for f in source.codec.model.message(name).fields if _is_number(f)}
+    """The first column of a plain number; else the first one that is no time stamp."""
+    fields = source.codec.model.message(name).fields
+    stamps = {f.name for f in fields if f.clock is not None}
+    columns = [c for c in source.history.columns(end, name) if c not in stamps]
+    numbers = {f.name for f in fields if _is_number(f)}
     return next((c for c in columns if c.partition("[")[0] in numbers), columns[0] if columns else None)
 
 

@@ -33,6 +33,7 @@ from wirebond.link.attached import words
 from wirebond.link.receiving import Asked
 from wirebond.link.requests import MAX_TIMEOUT
 from wirebond.link.tap import TAP_BYTES
+from wirebond.protocol.controlled import is_controlled
 from wirebond.protocol.json_values import from_json_values
 from wirebond.protocol.model import End
 
@@ -66,7 +67,7 @@ class Commands:
         self._link = link = server.link
         self._end = End(link.role)
         model = link.codec.model
-        self._controlled = {m.name for m in model.messages if self._end == End.HOST and words.is_controlled(model, m)}
+        self._controlled = {m.name for m in model.messages if self._end == End.HOST and is_controlled(model, m)}
 
     def do(self, client: Client, request: words.Request) -> dict[str, Any]:
         """Its answer."""

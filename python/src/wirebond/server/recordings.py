@@ -175,7 +175,7 @@ class Recordings:
         if self._files is None:
             raise UsageError(
                 "this server has no folder for recordings; start it with `wirebond serve --recordings FOLDER`, or "
-                "record at the client"
+                "run `wirebond record` in a terminal"
             )
         return self._files
 

@@ -6,7 +6,8 @@ from wirebond.analysis.check.findings import Finding, Severity
 from wirebond.analysis.check.fixed_end import is_fixed
 from wirebond.analysis.check.places import Places
 from wirebond.analysis.check.wording import seconds
-from wirebond.protocol.model import End, Message, Protocol
+from wirebond.protocol.controlled import is_controlled
+from wirebond.protocol.model import End, Field, Message, Protocol
 
 _LOST_FRAMES = 2  # periods within a deadline: one lost frame must not trip it
 
@@ -129,7 +130,34 @@ def assess_safety(protocol: Protocol, places: Places) -> list[Finding]:
                 place.column,
             )
         )
+    found += _outside_the_stop(protocol, commands, places)
     return found
+
+
+def _outside_the_stop(protocol: Protocol, commands: list[Message], places: Places) -> list[Finding]:
+    """Commands with a physical quantity that every program may send, while the emergency stop holds too."""
+    free = [m for m in commands if not is_controlled(protocol, m) and _has_unit(m.fields)]
+    if not free or not protocol.emergency_stop:
+        return []
+    many = len(free) > 1
+    names = ", ".join(f"`{message.name}`" for message in free[:4]) + (" …" if len(free) > 4 else "")
+    place = places.at("messages", free[0].name)
+    return [
+        Finding(
+            "outside-the-stop",
+            Severity.NOTE,
+            f"the emergency stop does not hold back {names}, and any program may send {'them' if many else 'it'}",
+            "without an `every`, a deadline at the MCU or an entry in `emergency_stop`, a message counts as one that "
+            "moves nothing",
+            f"if {'one' if many else 'it'} moves something, list it under `emergency_stop` with its safe values",
+            place.line,
+            place.column,
+        )
+    ]
+
+
+def _has_unit(fields: tuple[Field, ...]) -> bool:
+    return any(field.unit or _has_unit(field.fields) for field in fields)
 
 
 def _sender_is_fixed(protocol: Protocol, name: str) -> bool:

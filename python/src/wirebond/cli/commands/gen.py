@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from wirebond.cli.output import console, fail, plain
+from wirebond.cli.output import console, errors, fail, plain
 from wirebond.codec import load
 from wirebond.errors import UsageError, WirebondError
 from wirebond.generate.code import (
@@ -92,6 +92,8 @@ def generate(
         console.print(plain(str(name)), soft_wrap=True)
     if starter is not None:
         _write_starter(model, out, language, ports[0], starter)
+    elif not amalgamate and list(ports) in [[port] for port in STARTER_PORTS]:
+        errors.print("Begin with a source file of your own: `--uart USART3 --starter` writes one with empty handlers.")
     return 0
 
 

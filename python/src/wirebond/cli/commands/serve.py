@@ -97,7 +97,7 @@ def serve_port(given: Serving) -> None:
         try:
             _watch([_Watched(one.now, is_one_of_several=len(served) > 1) for one in served], given.seconds, failure)
         except KeyboardInterrupt:
-            errors.print("ends: what is repeated ends with its safe value")
+            errors.print("ending: every repeated message ends with its safe value")
         for one in served:
             errors.print(_named(stats_line(one.link.stats.receive), one.link if len(served) > 1 else None))
     for one in served:

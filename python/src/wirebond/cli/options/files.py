@@ -173,7 +173,10 @@ def gen(
         bool, typer.Option("--amalgamate", help="One header with the core in it (for c: .h and .cpp), no folder.")
     ] = False,
     port: Annotated[
-        list[str] | None, typer.Option(help="Add this port's files: stm32_hal, gd32_spl, freertos and others.")
+        list[str] | None,
+        typer.Option(
+            help="Add a port's files: arduino, bare_metal, freertos, gd32_spl, posix, stm32_hal, stm32_ll, usb_cdc."
+        ),
     ] = None,
     uart: Annotated[str | None, typer.Option(help="With --starter: the UART, such as USART3.")] = None,
     starter: Annotated[

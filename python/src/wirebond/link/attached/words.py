@@ -13,8 +13,6 @@ from typing import Any, Literal
 
 import msgspec
 
-from wirebond.protocol.model import End, Message, Protocol
-
 VERSION = 1
 JSON, FRAMES = 0, 1  # kinds of messages
 MOST_TO_SERVER = 1 << 20  # bytes of one message
@@ -334,17 +332,6 @@ class Control:
     holder: str | None = None
     is_own: bool = False
     released_by: str | None = None
-
-
-def is_controlled(model: Protocol, message: Message) -> bool:
-    """Does this message of the host move things? Then only who is in control may send it: it has an ``every``, a
-    deadline at the MCU, or is in the emergency stop. A request with an ``every`` and neither of the other two only
-    asks: programs share it."""
-    return message.sent_by(End.HOST) and (
-        (message.every is not None and message.reply is None)
-        or any(d.message == message.name and d.at == End.MCU for d in model.deadlines)
-        or any(stop.message == message.name for stop in model.emergency_stop)
-    )
 
 
 def stats_to_json(raw: dict[str, Any]) -> dict[str, Any]:

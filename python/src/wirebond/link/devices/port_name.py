@@ -6,6 +6,7 @@ import os
 import re
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from urllib.parse import urlsplit
 
 from wirebond.errors import PortError, UsageError
@@ -92,15 +93,17 @@ _SERVERS = ("tcp", "rfc2217")
 _FOREIGN = {
     re.compile(r"com[0-9]+:?", re.IGNORECASE): "is a port of Windows; Wirebond runs on Linux, where a USB adapter is "
     "/dev/ttyUSB0 or /dev/ttyACM0; `wirebond ports` lists them",
+    re.compile(r"sim(ulat(or|ion))?", re.IGNORECASE): "is no port; `sim:`, with a colon, is a simulated device at the "
+    "other end",
     re.compile(r"(v|vx|sl)?can[0-9]+", re.IGNORECASE): "is an interface of CAN, and Wirebond needs a serial port, such "
     "as /dev/ttyUSB0; `wirebond ports` lists them",
 }
 
 
 def _refuse_foreign(text: str) -> None:
-    """:raises UsageError: it is called as what is no serial port here, and no such file is there."""
+    """:raises UsageError: it is called as what is no serial port here, and at most a folder is called so."""
     for pattern, what in _FOREIGN.items():
-        if pattern.fullmatch(text) and not os.path.lexists(text):
+        if pattern.fullmatch(text) and (Path(text).is_dir() or not os.path.lexists(text)):
             raise UsageError(f"{text} {what}")
 
 

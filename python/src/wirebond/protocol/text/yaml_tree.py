@@ -25,7 +25,7 @@ from ruamel.yaml.events import (
     SequenceStartEvent,
 )
 
-from wirebond.protocol.problems import WHOLE_FILE, Place, Problems, quoted
+from wirebond.protocol.problems import WHOLE_FILE, Place, Problems, either, quoted
 
 MAX_FILE_BYTES = 256 * 1024  # the parser needs up to 4 s a megabyte; a hundred messages are some 30 kB
 MAX_NODES = 20_000
@@ -158,10 +158,12 @@ def parse(text: str, problems: Problems) -> Node:
             builder.take(event)
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        if error.context_mark is not None and "stream" in (error.problem or ""):
-            mark = error.context_mark  # what was never closed, not the end of the file
+        if error.context_mark is not None and any(word in (error.problem or "") for word in ("stream", "expected ':'")):
+            mark = error.context_mark  # what was never closed or has no colon, not where that was noticed
         place = WHOLE_FILE if mark is None else _place(mark)
         what = " ".join(part for part in (error.context, error.problem) if part)
+        if misplaced := _misplaced_line(text, what, place):
+            problems.stop(place, misplaced)
         problems.stop(
             place, f"this is not YAML ({_one_line(what)}); {_advice_at(text, what, place, error.context_mark)}"
         )
@@ -199,7 +201,7 @@ _ADVICE = (
     ("mapping values are not allowed", "put a text that contains `: ` in quotes, or begin a new line"),
     ("expected <block end>", "let lines of one block begin in the same column"),
     ("expected ',' or", "separate with commas, and close every `{` and `[`"),
-    ("could not find expected ':'", "after a key come a colon and a space"),
+    ("could not find expected ':'", "write a colon and a space after this key"),
     ("found unexpected end of stream", "close the quotes that open here"),
     ("found character '%'", "put a text that begins with % in quotes"),
     ("found character '@'", "put a text that begins with @ in quotes"),
@@ -226,6 +228,29 @@ def _advice_at(text: str, what: str, place: Place, context: Any) -> str:
         bracket = "{" if "mapping" in what else "["
         return f"separate with commas, and close the `{bracket}` of line {opened.line}, column {opened.column}"
     return _advice(what)
+
+
+def _misplaced_line(text: str, what: str, place: Place) -> str:
+    """A sentence where the line begins in a column that it may not have, or the one above has no colon; else empty.
+    The parser would say "expected <block end>", or speak of mappings."""
+    lines = [one for one in text.splitlines()[: place.line] if one.strip() and not one.lstrip().startswith("#")]
+    *above, indent = map(_indent, lines or [""])
+    if "expected <block end>" in what and place.column == indent + 1 and re.match(r" *[^\s\-\]}]", lines[-1]):
+        deeper = [one for one in above if one > indent]
+        columns = sorted({*deeper[-1:], *[one for one in above if one < indent][-1:]})
+        fitting = either([str(column + 1) for column in columns])
+        return f"this line begins in column {place.column}, where no block above does; begin it in column {fitting}"
+    if "mapping values are not allowed" in what and above and indent > above[-1]:
+        return (
+            f"this line is indented further than the one above, which has a value; begin it in column {above[-1] + 1}"
+        )
+    if "mapping values are not allowed" in what and above and ":" not in lines[-2]:
+        return "the line above has no colon; write `key: value`, with a space after the colon"
+    return ""
+
+
+def _indent(line: str) -> int:
+    return len(line) - len(line.lstrip(" "))
 
 
 def _one_line(text: str) -> str:
