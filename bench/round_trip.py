@@ -70,7 +70,7 @@ def processors() -> tuple[set[int], set[int]]:
 
 
 @contextlib.contextmanager
-def _far_end(program: Path, kind: str, processors: set[int]) -> Iterator[str]:
+def far_end(program: Path, kind: str, processors: set[int]) -> Iterator[str]:
     with subprocess.Popen([str(program), kind], stdout=subprocess.PIPE, text=True) as process:
         os.sched_setaffinity(process.pid, processors)
         assert process.stdout is not None
@@ -81,24 +81,24 @@ def _far_end(program: Path, kind: str, processors: set[int]) -> Iterator[str]:
 
 
 def bare(program: Path, far: set[int], trips: int = TRIPS) -> Percentiles:
-    with _far_end(program, "echo-bytes", far) as path:
+    with far_end(program, "echo-bytes", far) as path:
         run = subprocess.run([str(program), "ask", path, str(FEW + trips)], capture_output=True, text=True, check=True)
-    return _percentiles([float(line) for line in run.stdout.split()])
+    return percentiles([float(line) for line in run.stdout.split()])
 
 
 def with_wirebond(program: Path, far: set[int], trips: int = TRIPS) -> Percentiles:
     took = []
     values = [0.5 * i for i in range(8)]
-    with _far_end(program, "echo-frames", far) as path, wirebond.open(PROTOCOL, path, paced=False) as link:
+    with far_end(program, "echo-frames", far) as path, wirebond.open(PROTOCOL, path, paced=False) as link:
         for number in range(FEW + trips):
             began = time.monotonic()
             link.send("probe", number=number, values=values, flags=7)
             [message] = link.receive(10)
             assert message.fields["number"] == number
             took.append((message.t - began) * 1e9)
-    return _percentiles(took)
+    return percentiles(took)
 
 
-def _percentiles(took: list[float]) -> Percentiles:
+def percentiles(took: list[float]) -> Percentiles:
     cuts = quantiles(took[FEW:], n=100)
     return cuts[49], cuts[98]

@@ -17,6 +17,7 @@ from bench import (
     m4_runtime,
     mcu_line,
     native,
+    python_round_trip,
     reconnect,
     round_trip,
     send_queue,
@@ -80,7 +81,12 @@ def test_each_frame_of_a_round_trip_comes_back() -> None:
     """Either end fails where a frame does not."""
     program = native.build("round_trip", round_trip.PROTOCOL)
     processors = os.sched_getaffinity(0)
-    for ends in (round_trip.bare, round_trip.with_wirebond):
+    for ends in (
+        round_trip.bare,
+        round_trip.with_wirebond,
+        python_round_trip.with_wirebond,
+        python_round_trip.with_pyserial,
+    ):
         p50, p99 = ends(program, processors, trips=100)
         assert 0 < p50 <= p99
 
