@@ -5,6 +5,7 @@
 #include <nanobind/stl/string.h>
 #include <poll.h>
 #include <sys/eventfd.h>
+#include <sys/timerfd.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -32,6 +33,9 @@ constexpr std::uint64_t settled_after_us = 1'000'000;  // a port that lasted thi
 constexpr std::uint64_t drain_on_close_us = 1'000'000;
 constexpr std::uint64_t longest_sleep_us = 500'000;
 constexpr std::uint64_t settings_look_us = 250'000;  // another program's settings stay in force no longer than a sleep
+// How long the port may go unwatched after a caller has left it. A program that asks and answers is back sooner, and
+// the thread sleeps on.
+constexpr std::uint64_t unwatched_us = 200;
 constexpr std::size_t read_bytes = 4096;
 constexpr std::size_t write_at_once_bytes = 4096;
 constexpr double signal_slice = 0.05;  // seconds between two checks for signals
@@ -43,11 +47,23 @@ std::uint64_t monotonic_us() {
   return static_cast<std::uint64_t>(now.tv_sec) * 1'000'000 + static_cast<std::uint64_t>(now.tv_nsec) / 1000;
 }
 
-using Clock = std::chrono::steady_clock;
-using Moment = std::chrono::time_point<Clock, std::chrono::duration<double>>;
-
 Moment moment_in(double seconds) {
   return Clock::now() + std::chrono::duration<double>(std::isnan(seconds) ? 0.0 : std::clamp(seconds, 0.0, 1e9));
+}
+
+timespec timespec_of(std::uint64_t us) {
+  return {static_cast<time_t>(us / 1'000'000), static_cast<long>(us % 1'000'000) * 1000};
+}
+
+/// Make an event or a timer that was read no longer readable.
+void take_event(const posix::Descriptor& event) {
+  std::uint64_t ignored;
+  static_cast<void>(!::read(event.get(), &ignored, sizeof ignored));
+}
+
+void raise_event(const posix::Descriptor& event) {
+  const std::uint64_t one = 1;
+  static_cast<void>(!::write(event.get(), &one, sizeof one));  // a full counter wakes as well
 }
 
 const std::uint8_t* data_of(const nb::bytes& bytes) { return static_cast<const std::uint8_t*>(bytes.data()); }
@@ -74,7 +90,9 @@ Link::Link(LinkSetup setup, std::unique_ptr<Opener> opener, bool waits_for_port)
   }
   if (!port_.is_open() && !waits_for_port) throw_port_error(problem.sentence, problem.code, opener_->name());
   wakeup_ = posix::Descriptor(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
-  if (!wakeup_.is_open()) {
+  caller_wakeup_ = posix::Descriptor(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
+  left_ = posix::Descriptor(::timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC));
+  if (!wakeup_.is_open() || !caller_wakeup_.is_open() || !left_.is_open()) {
     const int code = errno;
     throw_port_error(std::string("the system has no event descriptor left: ") + std::strerror(code), code,
                      opener_->name());
@@ -127,13 +145,12 @@ void Link::close() {
 void Link::abandon() {
   port_.reset();
   wakeup_.reset();
+  caller_wakeup_.reset();
+  left_.reset();
   appearance_.stop();
 }
 
-void Link::wake() const {
-  const std::uint64_t one = 1;
-  static_cast<void>(!::write(wakeup_.get(), &one, sizeof one));  // a full counter wakes as well
-}
+void Link::wake() const { raise_event(wakeup_); }
 
 /// Wake the sleeping thread if something is due before it wakes by itself.
 void Link::wake_if_late(std::uint64_t now_us) const {
@@ -291,8 +308,8 @@ nb::list Link::receive(double timeout) {
       const WithoutGil released;
       std::unique_lock lock(mutex_);
       // A closing program takes its changes at the end, so that only the end cuts the last wait short.
-      arrived_.wait_until(lock, std::min(moment_in(signal_slice), end),
-                          [&] { return core_.has_arrivals() || is_done_ || (core_.has_changes() && !is_closing_); });
+      wait_for(lock, std::min(moment_in(signal_slice), end),
+               [&] { return core_.has_arrivals() || is_done_ || (core_.has_changes() && !is_closing_); });
       taken = core_.take();
       is_over = is_done_ || (core_.has_changes() && !is_closing_) || Clock::now() >= end;
     }
@@ -308,6 +325,7 @@ nb::list Link::attend(double timeout) {
     const WithoutGil released;
     std::unique_lock lock(mutex_);
     is_attended_ = true;
+    // Not at the port: a thread of handlers would wake for each frame, and costs more than the native one.
     arrived_.wait_until(lock, moment_in(timeout), [&] { return core_.has_news() || is_recalled_ || is_done_; });
     is_attended_ = is_recalled_ = false;
     taken = core_.take();
@@ -318,13 +336,53 @@ nb::list Link::attend(double timeout) {
 void Link::recall() {
   const std::lock_guard lock(mutex_);
   is_recalled_ = true;
-  arrived_.notify_all();
+  wake_callers();
 }
 
 void Link::wait_unattended(double timeout) {
   const WithoutGil released;
   std::unique_lock lock(mutex_);
   unattended_.wait_until(lock, moment_in(timeout), [&] { return (core_.has_news() && !is_attended_) || is_done_; });
+}
+
+/// Wait until `holds()`, at most until `end`. A caller that is back soon waits at the port itself, so that bytes wake
+/// it alone: in a round trip the thread would come between. Others are told, and so are all while the port is closed.
+template <class Condition>
+void Link::wait_for(std::unique_lock<std::mutex>& lock, Moment end, Condition holds) {
+  if (!is_caller_at_port_ && monotonic_us() - waited_until_us_ <= unwatched_us) wait_at_port(lock, end, holds);
+  arrived_.wait_until(lock, end, holds);
+  waited_until_us_ = monotonic_us();
+}
+
+/// Do the thread's work at the port until `holds()`, `end`, or the loss of the port.
+template <class Condition>
+void Link::wait_at_port(std::unique_lock<std::mutex>& lock, Moment end, Condition holds) {
+  while (port_.is_open() && !holds()) {
+    const std::chrono::duration<double, std::micro> left = end - Clock::now();
+    if (left.count() <= 0) break;
+    wake_after_caller(0);
+    pollfd watched[2] = {{caller_wakeup_.get(), POLLIN, 0}, {port_.get(), POLLIN, 0}};
+    const timespec timeout = timespec_of(static_cast<std::uint64_t>(std::ceil(left.count())));
+    is_caller_at_port_ = true;
+    lock.unlock();
+    ::ppoll(watched, 2, &timeout, nullptr);
+    lock.lock();
+    is_caller_at_port_ = false;
+    if (watched[0].revents != 0) take_event(caller_wakeup_);
+    if (watched[1].revents == 0) continue;
+    go_on();
+    wake_if_late(monotonic_us());
+    if (core_.has_news()) tell();
+  }
+  if (port_.is_open() && !watches_port_ && !is_left_timed_) wake_after_caller(unwatched_us);
+}
+
+/// Wake the thread then, which sleeps and does not watch the port; 0: never.
+void Link::wake_after_caller(std::uint64_t us) {
+  if (us == 0 && !is_left_timed_) return;
+  const itimerspec once{{}, timespec_of(us)};
+  ::timerfd_settime(left_.get(), 0, &once, nullptr);
+  is_left_timed_ = us != 0;
 }
 
 /// With the GIL, and without a lock.
@@ -334,9 +392,14 @@ nb::list Link::messages_of(const std::deque<Arrivals>& taken) const {
   return out;
 }
 
+void Link::wake_callers() {
+  arrived_.notify_all();
+  if (is_caller_at_port_) raise_event(caller_wakeup_);
+}
+
 /// Wake the attending thread, or all waiters.
 void Link::tell() {
-  arrived_.notify_all();
+  wake_callers();
   if (!is_attended_) unattended_.notify_all();
 }
 
@@ -426,42 +489,47 @@ void Link::run() {
   for (;;) {
     const std::uint64_t now = monotonic_us();
     if (is_closing_ && (!port_.is_open() || core_.outbox().is_empty() || now >= close_by_us_)) break;
-    watches_room_ = core_.link().is_blocked();
-    pollfd watched[2] = {{wakeup_.get(), POLLIN, 0}, {appearance_.get(), POLLIN, 0}};
+    watches_port_ = port_.is_open() && !is_caller_at_port_;
+    watches_room_ = port_.is_open() && core_.link().is_blocked();
+    pollfd watched[3] = {{wakeup_.get(), POLLIN, 0}, {left_.get(), POLLIN, 0}, {appearance_.get(), POLLIN, 0}};
     if (port_.is_open()) {
-      watched[1].fd = port_.get();
-      watched[1].events = static_cast<short>(POLLIN | (watches_room_ ? POLLOUT : 0));
+      watched[2].fd = watches_port_ || watches_room_ ? port_.get() : -1;
+      watched[2].events = static_cast<short>((watches_port_ ? POLLIN : 0) | (watches_room_ ? POLLOUT : 0));
     }
     planned_us_ = std::min(core_.next_due(now), now + longest_sleep_us);
     if (!port_.is_open()) planned_us_ = std::min(planned_us_, std::max(next_open_us_, now));
-    const std::uint64_t wait = planned_us_ - now;
-    const timespec timeout{static_cast<time_t>(wait / 1'000'000), static_cast<long>(wait % 1'000'000) * 1000};
+    const timespec timeout = timespec_of(planned_us_ - now);
     const bool has_news = core_.has_news();
     const bool is_attended = is_attended_;
+    if (has_news && is_caller_at_port_) raise_event(caller_wakeup_);
     lock.unlock();
     if (has_news) arrived_.notify_all();  // here, so that a waiter does not wake only to wait for the mutex
     if (has_news && !is_attended) unattended_.notify_all();
-    ::ppoll(watched, 2, &timeout, nullptr);
+    ::ppoll(watched, 3, &timeout, nullptr);
     lock.lock();
     planned_us_ = 0;  // awake
-    std::uint64_t ignored;
-    if (watched[0].revents != 0) static_cast<void>(!::read(wakeup_.get(), &ignored, sizeof ignored));
-    if (port_.is_open()) {
-      read_some();
-      look_at_settings(monotonic_us());
-    } else {
-      open_again(lock, monotonic_us());
-    }
-    core_.poll(monotonic_us());
-    write_some();
+    if (watched[0].revents != 0) take_event(wakeup_);
+    if (watched[1].revents != 0) wake_after_caller(0);
+    if (!port_.is_open()) open_again(lock, monotonic_us());
+    go_on();
   }
   why_.clear();
   lose_port(monotonic_us());
   appearance_.stop();
   core_.outbox().end();
   is_done_ = true;
-  arrived_.notify_all();
+  wake_callers();
   unattended_.notify_all();
+}
+
+/// Read, do what is due, and write.
+void Link::go_on() {
+  if (port_.is_open()) {
+    read_some();
+    look_at_settings(monotonic_us());
+  }
+  core_.poll(monotonic_us());
+  write_some();
 }
 
 void Link::read_some() {
@@ -514,6 +582,7 @@ void Link::lose_port(std::uint64_t now_us) {
   if (now_us - std::min(up_since_us_, now_us) > settled_after_us) open_wait_us_ = first_open_wait_us;
   look_again(now_us);
   tell();
+  wake();  // the thread looks for the port again; a caller may have lost it
 }
 
 /// Plan the next try, and the events that may bring it forward.

@@ -4,6 +4,7 @@
 #include <nanobind/nanobind.h>
 
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <cstdint>
 #include <memory>
@@ -20,6 +21,9 @@
 namespace wirebond::engine {
 
 void bind_link(nb::module_& m);
+
+using Clock = std::chrono::steady_clock;
+using Moment = std::chrono::time_point<Clock, std::chrono::duration<double>>;
 
 /// Every public function may be called from any Python thread, with the GIL. Those that wait release it; the others
 /// hold the mutex for microseconds. The thread never asks for the GIL.
@@ -96,6 +100,12 @@ class Link {
  private:
   // Everything below is called by the thread, or with mutex_ held.
   void run();
+  void go_on();
+  template <class Condition>
+  void wait_for(std::unique_lock<std::mutex>& lock, Moment end, Condition holds);
+  template <class Condition>
+  void wait_at_port(std::unique_lock<std::mutex>& lock, Moment end, Condition holds);
+  void wake_after_caller(std::uint64_t us);
   void open_again(std::unique_lock<std::mutex>& lock, std::uint64_t now_us);
   void read_some();
   void write_some();
@@ -104,6 +114,7 @@ class Link {
   void lose_port(std::uint64_t now_us);
   void look_again(std::uint64_t now_us);
   void tell();
+  void wake_callers();
   nb::list messages_of(const std::deque<Arrivals>& taken) const;
   void wake() const;
   void wake_if_late(std::uint64_t now_us) const;
@@ -111,13 +122,18 @@ class Link {
   std::unique_ptr<Opener> opener_;  ///< the thread's, once it runs; const members are for all
   std::mutex mutex_;
   std::condition_variable arrived_;     ///< for `receive`, `attend` and `close`
+  bool is_caller_at_port_ = false;      ///< one of them waits for the port's bytes itself, and for `caller_wakeup_`
   std::condition_variable unattended_;  ///< for `wait_unattended`
   bool is_attended_ = false;
   bool is_recalled_ = false;
   LinkCore core_;
   posix::Descriptor port_;
   posix::Descriptor wakeup_;
-  posix::Appearance appearance_;  ///< the thread's: watches since the port was last opened or tried
+  posix::Descriptor caller_wakeup_;
+  std::uint64_t waited_until_us_ = 0;  ///< when a caller waited last
+  posix::Descriptor left_;             ///< a timer, which wakes the thread when a caller has left the port unwatched
+  bool is_left_timed_ = false;         ///< it runs, or has not been taken note of
+  posix::Appearance appearance_;       ///< the thread's: watches since the port was last opened or tried
   std::string why_;
   std::optional<LineReport> line_;  ///< of the port opened last
   std::uint64_t up_since_us_ = 0;
@@ -126,6 +142,7 @@ class Link {
   std::uint64_t open_wait_us_;  ///< between two tries; grows
   std::atomic<bool> stops_opening_{false};
   std::uint64_t planned_us_ = 0;  ///< when the thread wakes by itself
+  bool watches_port_ = true;      ///< the thread waits for the port's bytes; no caller does so for it
   bool watches_room_ = false;     ///< the thread also waits until the port can take bytes
   bool is_closing_ = false;
   std::uint64_t close_by_us_ = 0;
