@@ -25,8 +25,8 @@ settings.load_profile("any_speed")
 # A shell ignores Ctrl-C for what it starts in the background, and children would inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# Servers have their sockets there, and stops that nobody released are kept there: those of another run, which may have
-# been killed, must not meet this one.
+# Servers put their sockets into this folder, and remember there which emergency stops nobody has released. What another
+# run left behind, perhaps because it was killed, must not reach this one.
 os.environ["XDG_RUNTIME_DIR"] = tempfile.mkdtemp(prefix="wirebond_")
 atexit.register(shutil.rmtree, os.environ["XDG_RUNTIME_DIR"], ignore_errors=True)
 

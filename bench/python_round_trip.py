@@ -8,7 +8,6 @@ and behind.
 
 from __future__ import annotations
 
-import os
 import time
 from pathlib import Path
 from statistics import median
@@ -16,9 +15,8 @@ from statistics import median
 import serial
 
 import wirebond
-from bench import native
 from bench.figures import Figure
-from bench.round_trip import FEW, PAIRS, PROTOCOL, TRIPS, VALID, Percentiles, far_end, percentiles, processors, shown
+from bench.round_trip import FEW, PROTOCOL, TRIPS, VALID, Percentiles, far_end, in_turns, percentiles
 
 COMMAND = "make bench ONLY=python_round_trip"
 GOAL = 1.2
@@ -26,18 +24,7 @@ _VALUES = {"values": [0.5 * i for i in range(8)], "flags": 7}
 
 
 def measure() -> list[Figure]:
-    program = native.build("round_trip", PROTOCOL)
-    allowed = os.sched_getaffinity(0)
-    near, far = processors()
-    rows = []
-    os.sched_setaffinity(0, near)  # what it starts is there, too
-    try:
-        for _ in range(PAIRS):
-            row = tuple(ends(program, far) for ends in (with_pyserial, with_wirebond, with_pyserial))
-            rows.append(row)
-            print("  pyserial {}, wirebond {}, pyserial {}".format(*map(shown, row)))
-    finally:
-        os.sched_setaffinity(0, allowed)
+    rows = in_turns("pyserial", with_pyserial, with_wirebond)
     control = median(behind[0] / before[0] for before, _, behind in rows)
     if not VALID[0] <= control <= VALID[1]:
         raise RuntimeError(f"void: pyserial against itself is {control:.2f}; run it on a quiet machine")

@@ -12,7 +12,7 @@ import contextlib
 import os
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from statistics import median, quantiles
 
@@ -29,21 +29,11 @@ VALID = (0.8, 1.25)  # bare against bare: outside of it the machine was not quie
 GOAL = 2.0
 
 Percentiles = tuple[float, float]  # p50 and p99, in nanoseconds
+Ends = Callable[[Path, set[int]], Percentiles]  # by the far end's program and its processors
 
 
 def measure() -> list[Figure]:
-    program = native.build("round_trip", PROTOCOL)
-    allowed = os.sched_getaffinity(0)
-    near, far = processors()
-    rows = []
-    os.sched_setaffinity(0, near)  # what it starts is there, too
-    try:
-        for _ in range(PAIRS):
-            before, ours, behind = bare(program, far), with_wirebond(program, far), bare(program, far)
-            rows.append((before, ours, behind))
-            print(f"  bare {shown(before)}, wirebond {shown(ours)}, bare {shown(behind)}")
-    finally:
-        os.sched_setaffinity(0, allowed)
+    rows = in_turns("bare", bare, with_wirebond)
     figures = []
     for i, name in enumerate(("p50", "p99")):
         control = median(behind[i] / before[i] for before, _, behind in rows)
@@ -56,6 +46,23 @@ def measure() -> list[Figure]:
             Figure(f"rtt_{name}_us", median(ours[i] for _, ours, _ in rows) / 1000, "µs", None, COMMAND),
         ]
     return figures
+
+
+def in_turns(name: str, peer: Ends, ours: Ends) -> list[tuple[Percentiles, Percentiles, Percentiles]]:
+    """The peer, Wirebond and the peer again, ``PAIRS`` times. Near ends have one processor, far ends another one."""
+    program = native.build("round_trip", PROTOCOL)
+    allowed = os.sched_getaffinity(0)
+    near, far = processors()
+    rows = []
+    os.sched_setaffinity(0, near)  # what it starts is there, too
+    try:
+        for _ in range(PAIRS):
+            row = (peer(program, far), ours(program, far), peer(program, far))
+            rows.append(row)
+            print(f"  {name} {shown(row[0])}, wirebond {shown(row[1])}, {name} {shown(row[2])}")
+    finally:
+        os.sched_setaffinity(0, allowed)
+    return rows
 
 
 def shown(trip: Percentiles) -> str:

@@ -65,7 +65,7 @@ def test_a_test_that_is_interrupted_has_no_result(tmp_path: Path) -> None:
 
 
 def test_what_another_run_left_behind_meets_no_test() -> None:
-    """Sockets, and stops that nobody released: a pty's number is soon given again, and the robot there would stand."""
+    """The system reuses the numbers of ptys, so a remembered emergency stop would hold another test's robot."""
     command = "import conftest; from wirebond.link.attached.address import socket_folder; print(socket_folder())"
     other = subprocess.run([sys.executable, "-c", command], cwd=ROOT, capture_output=True, text=True, check=True)
     common = str(Path("/tmp") / f"wirebond-{os.getuid()}")

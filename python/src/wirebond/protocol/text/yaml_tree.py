@@ -234,17 +234,19 @@ def _misplaced_line(text: str, what: str, place: Place) -> str:
     """A sentence where the line begins in a column that it may not have, or the one above has no colon; else empty.
     The parser would say "expected <block end>", or speak of mappings."""
     lines = [one for one in text.splitlines()[: place.line] if one.strip() and not one.lstrip().startswith("#")]
-    *above, indent = map(_indent, lines or [""])
+    if len(lines) < 2:
+        return ""
+    *above, indent = map(_indent, lines)
     if "expected <block end>" in what and place.column == indent + 1 and re.match(r" *[^\s\-\]}]", lines[-1]):
         deeper = [one for one in above if one > indent]
         columns = sorted({*deeper[-1:], *[one for one in above if one < indent][-1:]})
-        fitting = either([str(column + 1) for column in columns])
+        fitting = either([str(column + 1) for column in columns or above[:1]])
         return f"this line begins in column {place.column}, where no block above does; begin it in column {fitting}"
-    if "mapping values are not allowed" in what and above and indent > above[-1]:
+    if "mapping values are not allowed" in what and indent > above[-1]:
         return (
             f"this line is indented further than the one above, which has a value; begin it in column {above[-1] + 1}"
         )
-    if "mapping values are not allowed" in what and above and ":" not in lines[-2]:
+    if "mapping values are not allowed" in what and ":" not in lines[-2]:
         return "the line above has no colon; write `key: value`, with a space after the colon"
     return ""
 
