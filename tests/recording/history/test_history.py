@@ -172,6 +172,35 @@ def test_the_small_line_beside_a_message_is_of_a_value_and_not_of_its_time_stamp
     assert row["spark"]["field"] == "joints[0].position"
 
 
+@pytest.mark.parametrize("moment", ["while it is counted", "while the newest is read"])
+def test_a_message_that_is_counted_has_its_newest_frame(moment: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One thread feeds, and another one looks in between."""
+    source, proto = source_of("diffdrive"), codec("diffdrive")
+    frame = proto.encode("odometry", left_ticks=1, right_ticks=2)
+    looks: list[dict[str, Any]] = []
+
+    def look() -> None:
+        looks.extend(row for row in message_rows(source, 10.1, at=None, with_sparks=False) if row["name"] == "odometry")
+
+    if moment == "while it is counted":
+        add = source.history.add
+        monkeypatch.setattr(source.history, "add", lambda end, tables: (add(end, tables), look()))
+        source.feed(End.MCU, [frame], [10.0])
+    else:
+        newest = source.newest
+
+        def newest_then_feed(end: End, name: str) -> Any:
+            found = newest(end, name)
+            if name == "odometry":
+                source.feed(End.MCU, [frame], [10.0])
+            return found
+
+        monkeypatch.setattr(source, "newest", newest_then_feed)
+        look()
+        look()
+    assert looks and all("fields" in row for row in looks if row["count"])
+
+
 def test_round_trips_are_from_a_request_to_its_reply() -> None:
     source, proto = source_of("diffdrive"), codec("diffdrive")
     ask = proto.encode("status_query")

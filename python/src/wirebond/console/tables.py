@@ -37,7 +37,6 @@ def _row(source: Source, end: End, name: str, now: float, at: float | None, with
     first = history.first(end, name)
     if first is not None:  # it began within the window: what is counted is of this time alone
         window = min(window, max(now - first, interval or 0.0, _SHORTEST_WINDOW))
-    newest = source.newest(end, name) if at is None else source.newest_until(end, name, at)
     came = history.count_between(end, name, now - window, np.inf if at is None else np.nextafter(at, np.inf))
     row: dict[str, Any] = {
         "name": name,
@@ -47,6 +46,7 @@ def _row(source: Source, end: End, name: str, now: float, at: float | None, with
         "rate": came / window,
         "due": None if interval is None else 1 / interval,
     }
+    newest = source.newest(end, name) if at is None else source.newest_until(end, name, at)  # after the counts
     if newest is not None:
         row |= _newest(newest)
     if with_spark and (column := _spark_column(source, end, name)) is not None:

@@ -134,7 +134,6 @@ class Source:
     def _take(self, end: End, tables: Mapping[str, Any]) -> None:
         self._mark_discards(end)
         self.history.beside = sum(stream.held_bytes for stream in self.streams.values())
-        self.history.add(end, tables)
         with self._lock:
             stream = self.streams[end]
             if end == End.HOST:
@@ -153,6 +152,7 @@ class Source:
                     self.round_trips.answer(name, table["t"])
                 if name in self._log_names:
                     self._note_logs(stream, name, table)
+        self.history.add(end, tables)  # last: who sees that a message is counted finds its newest frame
 
     def _expected(self, times: Sequence[float]) -> list[tuple[int, int]]:
         """Before which of these reads which reply was asked for."""
