@@ -16,10 +16,10 @@ FORMATS = {path.stem: path for folder in (PROTOCOLS, ROOT / "tests" / "formats")
 FORMATS |= {f"contrib-{path.stem}": path for path in (PROTOCOLS / "contrib").glob("*.yaml")}
 
 
-def stream_for(proto: Codec, source: random.Random) -> bytes:
+def stream_for(proto: Codec, source: random.Random, pieces: int = 60) -> bytes:
     """Where silence ends a frame, a stream without times is one block: a frame, or something else."""
     if not proto.model.format.ends_by_silence:
-        return hard_stream(proto, source, pieces=60)
+        return hard_stream(proto, source, pieces)
     return source.choice([random_frame(proto, source), source.randbytes(12), random_frame(proto, source) * 9])
 
 

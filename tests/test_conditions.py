@@ -50,7 +50,7 @@ def vesc_packet(payload: bytes, start: int | None = None) -> bytes:
 
 
 def found_by_all(model: Protocol, end: End, stream: bytes, folder: Path) -> list[tuple[str, bytes]]:
-    """Messages of a stream, which the engine, the generated C++ and the slow reference must find alike."""
+    """Messages of a stream, which the engine, the generated C++ and the slow decoder must find alike."""
     decoder = Codec(model).decoder(end)
     messages = decoder.feed(stream) + decoder.finish()
     slow = reference.decode(model, stream, end)

@@ -87,7 +87,7 @@ def hard_frames(source: random.Random, pieces: int) -> bytes:
 
 @pytest.mark.parametrize("seeds", [range(4), pytest.param(range(4, 12), marks=pytest.mark.long)])
 @pytest.mark.parametrize("sender", [End.HOST, End.MCU])
-def test_engine_reference_and_explanation_agree_however_the_stream_is_cut(sender: End, seeds: range) -> None:
+def test_engine_and_slow_decoder_agree_however_the_stream_is_cut(sender: End, seeds: range) -> None:
     refused = 0
     for seed in seeds:
         source = random.Random(f"{sender} {seed}")
@@ -99,9 +99,6 @@ def test_engine_reference_and_explanation_agree_however_the_stream_is_cut(sender
         assert [(m.offset, m.raw, m.name) for m in found] == [(f.offset, f.wire, f.name) for f in expected.frames]
         assert decoder.stats.as_dict()["discarded_bytes"] == dict(expected.discarded_bytes)
         assert decoder.stats.as_dict()["rejected_candidates"] == dict(expected.rejected_candidates)
-        explained = explain(CODEC.model, stream[:4000], sender)
-        slow = reference.decode(CODEC.model, stream[:4000], sender)
-        assert explained.rejected_candidates == dict(slow.rejected_candidates)
         refused += expected.rejected_candidates["unknown_message"]
     assert refused > 50
 

@@ -76,7 +76,7 @@ def test_constants_behind_what_varies_are_found() -> None:
 
 
 @few_or_many(200, 2000)
-def test_engine_reference_and_explanation_agree_on_broken_constants(number: int) -> None:
+def test_engine_and_slow_decoder_agree_on_broken_constants(number: int) -> None:
     source = random.Random(7)
     refused = 0
     for _ in range(number):
@@ -89,8 +89,6 @@ def test_engine_reference_and_explanation_agree_on_broken_constants(number: int)
             **dict.fromkeys(decoder.stats.rejected_candidates, 0),
             **slow.rejected_candidates,
         }
-        explained = explain(CODEC.model, frame, End.HOST)
-        assert explained.rejected_candidates == dict(slow.rejected_candidates)
         refused += not found
     assert refused > number // 4
 

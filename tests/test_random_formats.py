@@ -1,6 +1,6 @@
 """Formats that nobody wrote: random files, random messages, hard streams, three decoders that must agree.
 
-The engine, the generated C++ and the slow reference: on every frame, every discard by its cause and every sum. The
+The engine, the generated C++ and the slow decoder: on every frame, every discard by its cause and every sum. The
 engine and the generated C++ also on every field, on what encodes again, and on what stands in an untouched struct.
 """
 

@@ -1,5 +1,5 @@
 // Decodes a file with one protocol's core deframer and prints every frame and where each byte went. For tests that
-// compare this with the engine and with a slow reference; build.py compiles it.
+// compare this with the engine and with the slow decoder; build.py compiles it.
 //
 //   decode FILE CHUNK [SEED [EXPECTED]]     CHUNK bytes at a time; 0: sizes of 1 to 300 by SEED. EXPECTED: index of the
 //                                           reply that a request asked for before

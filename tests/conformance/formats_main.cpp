@@ -1,5 +1,5 @@
 // Decodes streams of many generated protocols, and reads, validates and writes the fields of what it finds. For tests
-// that compare this with the engine and with a slow reference; formats.py compiles it.
+// that compare this with the engine and with the slow decoder; formats.py compiles it.
 //
 //   formats FILE
 //

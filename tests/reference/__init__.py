@@ -1,11 +1,10 @@
-"""A slow and obvious decoder: the whole stream in one piece, bit-by-bit checks, straight from the parts of the model.
+"""A slow decoder beside the engine's, which shares none of its code: `explain`'s, and what an end makes of the frames.
 
-It shares no code with the engine: no plan, no tables, no state between calls. Tests compare the two, byte for byte.
+Tests compare the two: every frame, every discarded byte by its cause, every sum.
 """
 
+from tests.reference.decoding import Frame, Result, decode, decode_blocks
 from tests.reference.listening import Addressee, Sequence, addressees, receiver_field, sequence_of
-from tests.reference.outcome import Frame, Result
-from tests.reference.stream import decode, decode_blocks
 
 __all__ = [
     "Addressee",

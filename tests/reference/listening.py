@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
 
-from tests.reference.header import meant_by
-from tests.reference.outcome import Frame
+from tests.reference.decoding import Frame
+from wirebond.analysis.explain.numbers import number_of
 from wirebond.protocol.model import Address, End, HeaderField, Protocol
 
 
@@ -60,7 +60,7 @@ def sequence_of(protocol: Protocol, frames: Iterable[Frame], sender: End | None,
     for frame in frames:
         if number.name not in frame.header or (number.per_message and frame.name == "unknown"):
             continue
-        address = None if owner is None else frame.header.get(owner.name, meant_by(owner.value, owner.value.width, 0))
+        address = None if owner is None else frame.header.get(owner.name, number_of(owner.value, 0)[0])
         peer = known.pop(address, {})
         known[address] = peer
         for forgotten in list(known)[:-peers]:

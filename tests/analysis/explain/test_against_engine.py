@@ -19,6 +19,7 @@ from tests.shared import (
     rejected_vectors,
 )
 from tests.streams import hard_stream, random_frame, random_values
+from tests.test_against_reference import FORMATS, stream_for
 
 from wirebond import Codec, Message
 from wirebond.analysis.explain import Kind, explain
@@ -32,47 +33,12 @@ from wirebond.protocol.model import Message as MessageModel
 from wirebond.protocol.planning import expecting
 
 NAMES = ["diffdrive", "enterprize", "pid_tuner", "pid_tuner_listing", "native"]
-FORMATS = {
-    path.stem: path
-    for folder in (PROTOCOLS, PROTOCOLS / "contrib", ROOT / "tests" / "formats")
-    for path in folder.glob("*.yaml")
-}
-
 VALUES = [*(PROTOCOLS / f"{name}.yaml" for name in NAMES), ROOT / "tests" / "generate" / "code" / "every_shape.yaml"]
-
-
-def stream_for(proto: Codec, source: random.Random, pieces: int) -> bytes:
-    """Where silence ends a frame, a stream without times is one block: a frame, or something else."""
-    if not proto.model.format.ends_by_silence:
-        return hard_stream(proto, source, pieces)
-    return source.choice([random_frame(proto, source), source.randbytes(12), random_frame(proto, source) * 9])
 
 
 def any_sender(proto: Codec) -> End | None:
     """None, both ends, where that can be told: else the MCU."""
     return End.MCU if needs_sender(proto.model) else None
-
-
-@few_or_many(1, 20)
-@pytest.mark.parametrize("sender", [None, End.HOST, End.MCU])
-@pytest.mark.parametrize("name", sorted(FORMATS))
-def test_frames_and_causes_agree_on_hard_streams(name: str, sender: End | None, number: int) -> None:
-    proto = loaded(FORMATS[name])
-    if not any(message.sent_by(sender) for message in proto.model.messages):
-        return  # this end never speaks
-    if sender is None and any_sender(proto) is not None:
-        return  # an id means a message of each end
-    for seed in range(number):
-        stream = stream_for(proto, random.Random(f"{name} {sender} {seed}"), pieces=40)
-        found = scan(proto.model, stream, sender)
-        decoder = proto.decoder(sender)
-        messages = decoder.feed(stream) + decoder.finish()
-        frames = [(f.offset, stream[f.offset : f.offset + f.size], f.verdict.delivered_as) for f in found.frames]
-        assert frames == [(m.offset, m.raw, m.name) for m in messages], f"seed {seed}"
-        stats = decoder.stats.as_dict()
-        assert dict(found.discarded) == stats["discarded_bytes"], f"seed {seed}"
-        assert dict(found.rejected) == stats["rejected_candidates"], f"seed {seed}"
-        assert len(found.fill) == stats["fill_bytes"], f"seed {seed}"
 
 
 STUFFED_AND_COUNTED = """

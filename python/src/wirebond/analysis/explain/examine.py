@@ -73,13 +73,15 @@ def examine(protocol: Protocol, data: bytes, sender: End | None, *, block: bytes
     return best
 
 
+# Causes in the order in which they are decided: of two forms that go as far, the one that was examined further counts.
+_IN_ORDER = {cause: place for place, cause in enumerate(Cause)}
+
+
 def _is_nearer(found: Verdict, best: Verdict) -> bool:
     waits, best_waits = found.outcome == Outcome.INCOMPLETE, best.outcome == Outcome.INCOMPLETE
     if waits:
         return not best_waits or found.extent < best.extent
-    # A form whose bits "there or not" differ is not meant at all: of two that go as far, any other cause says more.
-    nearness = (found.extent, found.cause != Cause.CONSTANT_MISMATCH)
-    return not best_waits and nearness > (best.extent, best.cause != Cause.CONSTANT_MISMATCH)
+    return not best_waits and (found.extent, _IN_ORDER[found.cause]) > (best.extent, _IN_ORDER[best.cause])
 
 
 class _Decided(Exception):  # noqa: N818  (an outcome, not an error)
@@ -426,10 +428,18 @@ class _Examination:
         part = self.parts[index]
         seed = self.message.seed or 0 if self.message is not None else 0
         covered = covered_bytes(self.parts, index, self.data, places)
-        if part.on_wire and self.block is not None:  # each range ends as far from the block's end as from the frame's
-            grown = len(self.block) - len(self.data)
-            covered = b"".join(self.block[places[first][0] : places[last][1] + grown] for first, last in part.ranges)
+        if part.on_wire and self.block is not None:
+            covered = self._on_wire(part, places, self.block)
         expected = check_value(part, covered, seed)
         found = found_check(self.parts, index, self.data, places)
         shown = shown_check(part, expected), shown_check(part, found)
         self._rule(Question.CHECK, index, same_check(part, expected, found), *shown, cause, extent)
+
+    def _on_wire(self, part: Part, places: list[tuple[int, int]], block: bytes) -> bytes:
+        """What a check covers before unstuffing: from the end of the stuffed parts on, all is as far from the block's
+        end as from the frame's."""
+        grown = len(block) - len(self.data)
+        behind = max(index for index, other in enumerate(self.parts) if not other.is_plain) + 1
+        edges = [start for start, _ in places] + [len(self.data)]
+        sent = [edge + grown if index >= behind else edge for index, edge in enumerate(edges)]
+        return b"".join(block[sent[first] : sent[last + 1]] for first, last in part.ranges)
