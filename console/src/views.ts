@@ -96,11 +96,8 @@ export interface PlotWish {
   pixels: number;
 }
 export interface Wish {
-  link: boolean;
-  messages: { every: number } | null;
-  frames: { message: string | null; discards: boolean; most: number } | null;
-  events: boolean;
-  marks: boolean;
+  /** Of each view that is wanted, what is wanted of it. */
+  [view: string]: unknown;
   plots: PlotWish[];
   source: "live" | { recording: string };
   at?: number;

@@ -19,7 +19,7 @@ import { said } from "./words.svelte";
 const MOST_EVENTS = 300;
 const MOST_MARKS = 20_000;
 const LOOK_EVERY = 200; // ms between two steps of the ages
-const NONE: Wish = { link: true, messages: null, frames: null, events: true, marks: true, plots: [], source: "live" };
+const ALWAYS: Wish = { link: true, events: true, marks: true, plots: [], source: "live" };
 
 class Live {
   isOpen = $state(false);
@@ -32,6 +32,8 @@ class Live {
   why = $state("");
   hasToken = $state(true); // false: the server refused it
   link = $state.raw<LinkView | null>(null);
+  /** The same while it has a port. */
+  readonly served = $derived(this.link?.connected ? this.link : null);
   /** Is the emergency stop latched, as far as this page was told? Kept while the server is not heard. */
   stopped = $state(false);
   rows = $state.raw<Row[]>([]);
@@ -40,13 +42,16 @@ class Live {
   events = $state.raw<LinkEvent[]>([]);
   /** What is marked on a line of time; of a recording all of it, wherever the reader is. */
   marks = $state.raw<LinkEvent[]>([]);
+  /** The newest message of each view that no other member keeps: see `shown` of shown.svelte.ts. */
+  newest = $state.raw<Record<string, unknown>>({});
   recording = $state.raw<{ name: string; from: number; to: number; problems: string[] } | null>(null);
   protocol = $state.raw<Protocol | null>(null); // of the link
   private recorded = $state.raw<{ name: string; protocol: Protocol | null }>({ name: "", protocol: null });
   /** Of what is shown: a recording has its own. */
   readonly shown = $derived(this.recorded.name ? this.recorded.protocol : this.protocol);
   problem = $state(""); // of what was asked for
-  private wish: Wish = { ...NONE };
+  private wish: Wish = { ...ALWAYS };
+  private readonly shownBy = new Map<string, { wish: unknown }[]>(); // what each component that shows a view wants of it
   private isDue = false;
   private protocolHash: string | null = null;
   private readonly onBatch = new Set<(batch: Batch) => void>();
@@ -109,6 +114,23 @@ class Live {
     });
   }
 
+  /** Asks for a view until the returned function is called. Of several that ask, the last one's wish counts. */
+  show(view: string, wish: unknown): () => void {
+    const before = this.shownBy.get(view) ?? [];
+    const mine = { wish }; // told from another one's that is equal
+    this.showTo(view, [...before, mine]);
+    return () =>
+      this.showTo(
+        view,
+        (this.shownBy.get(view) ?? []).filter((one) => one !== mine),
+      );
+  }
+
+  private showTo(view: string, wishes: { wish: unknown }[]): void {
+    this.shownBy.set(view, wishes);
+    this.want({ [view]: wishes.at(-1)?.wish ?? null });
+  }
+
   wantPlots(plots: PlotWish[]): void {
     this.want({ plots });
   }
@@ -129,7 +151,10 @@ class Live {
 
   /** Shows this recording in place of the link; empty: the link again. */
   async showRecording(name: string): Promise<void> {
-    if (name !== this.recorded.name) this.events = this.marks = this.rows = []; // they are of what was shown before
+    if (name !== this.recorded.name) {
+      this.events = this.marks = this.rows = []; // they are of what was shown before
+      this.newest = {};
+    }
     this.recording = null;
     this.problem = "";
     this.recorded = { name, protocol: null };
@@ -210,6 +235,9 @@ class Live {
       case "error":
         if (message.error === "token") this.hasToken = false;
         this.problem = said(message, "text");
+        return;
+      default:
+        this.newest = { ...this.newest, [view]: message };
     }
   }
 }

@@ -29,12 +29,7 @@ export class Table {
 
   /** Asks for rows while the view that calls it is there. */
   constructor() {
-    $effect(() => {
-      live.want({ messages: { every: EVERY } });
-      return () => {
-        live.want({ messages: null });
-      };
-    });
+    $effect(() => live.show("messages", { every: EVERY }));
     $effect(() => {
       this.frozen = time.pausedAt === null ? null : untrack(() => live.rows);
     });

@@ -15,7 +15,7 @@ import pytest
 import wirebond
 from tests.shared import codec
 from tests.waiting import PATIENCE, wait_until
-from wirebond.console.tables import message_rows
+from wirebond.console.views.messages import message_rows
 from wirebond.errors import UsageError
 from wirebond.generate.new.template import template_text
 from wirebond.link.tap import LinkEvent

@@ -2,31 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal
 
 import msgspec
 
+from wirebond.console.views import VIEWS
 from wirebond.errors import UsageError
 
 MOST_PLOTS = 32
 MOST_FIELDS = 64  # in all plots together
-MOST_FRAMES = 500
 MOST_PIXELS = 12_000  # of one plot: three wide screens, so that a hand that moves the range finds the lines there
 _TIME = Annotated[float, msgspec.Meta(ge=-1e12, le=1e12)]
-
-
-class Messages(msgspec.Struct):
-    """The table of messages."""
-
-    every: Annotated[float, msgspec.Meta(ge=0.05, le=60)] = 0.1
-
-
-class Frames(msgspec.Struct):
-    """The newest frames; ``message`` None: of all messages."""
-
-    message: str | None = None
-    discards: bool = True
-    most: Annotated[int, msgspec.Meta(ge=1, le=MOST_FRAMES)] = 50
 
 
 class Plot(msgspec.Struct):
@@ -46,29 +33,47 @@ class OfRecording(msgspec.Struct):
     recording: str
 
 
-class Views(msgspec.Struct):
-    """All that a client wants now."""
+class _Shown(msgspec.Struct):
+    """What the views show."""
 
-    link: bool = False
-    messages: Messages | None = None
-    frames: Frames | None = None
-    events: bool = False
-    marks: bool = False
     plots: tuple[Plot, ...] = ()
     source: Literal["live"] | OfRecording = "live"
     at: _TIME | None = None
 
 
-class Said(msgspec.Struct):
+class _Message(msgspec.Struct):
     """One message of a client."""
 
-    views: Views | None = None
+    views: dict[str, Any] | None = None
     token: str = ""
     acks: bool | None = None  # it tells by ``seen`` which rounds it has drawn
     seen: int | None = None
 
 
-_decode = msgspec.json.Decoder(Said).decode
+@dataclass(frozen=True)
+class Views:
+    """All that a client wants now.
+
+    :ivar wishes: of each view of `VIEWS` that it wants, what it wants of it.
+    """
+
+    wishes: dict[str, Any] = field(default_factory=dict)
+    plots: tuple[Plot, ...] = ()
+    source: Literal["live"] | OfRecording = "live"
+    at: float | None = None
+
+
+@dataclass(frozen=True)
+class Said:
+    """One message of a client, checked."""
+
+    views: Views | None
+    token: str
+    acks: bool | None
+    seen: int | None
+
+
+_decode = msgspec.json.Decoder(_Message).decode
 
 
 def read(text: str | bytes) -> Said:
@@ -76,13 +81,24 @@ def read(text: str | bytes) -> Said:
 
     :raises UsageError: it is none, with a sentence.
     """
+    where = ""
     try:
         said = _decode(text)
+        views = None
+        if said.views is not None:
+            where = " in `views`"
+            shown = msgspec.convert(said.views, _Shown)
+            wishes = {}
+            for name, view in VIEWS.items():
+                where = f" in `views.{name}`"
+                wishes[name] = msgspec.convert(said.views.get(name), view.wish | None)
+            wanted = {name: wish for name, wish in wishes.items() if wish}
+            views = Views(wanted, shown.plots, shown.source, shown.at)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        raise UsageError(f"this says not what to show: {error}; see docs/console-api.md") from None
-    if said.views is not None:
-        _check(said.views)
-    return said
+        raise UsageError(f"this says not what to show{where}: {error}; see docs/console-api.md") from None
+    if views is not None:
+        _check(views)
+    return Said(views, said.token, said.acks, said.seen)
 
 
 def _check(views: Views) -> None:

@@ -1,23 +1,52 @@
-"""Views that are tables: the newest of each message, and the newest frames. Values only; no socket."""
+"""The newest of each message."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
 
 from wirebond.as_json import plain
-from wirebond.codec import Message
+from wirebond.console.views.view import Scene, SourceView
 from wirebond.link.raw import is_raw
 from wirebond.protocol.model import End, Field
 from wirebond.recording.history.source import Newest, Source
-from wirebond.recording.history.stream import Entry
 from wirebond.recording.history.told import message_dict
 
+SPARKS_EVERY = 0.5  # seconds
 SPARK_SECONDS, SPARK_POINTS = 20.0, 40
 _LEAST_WINDOW = 2.0  # seconds in which a rate is counted
 _SHORTEST_WINDOW = 0.25  # of a message that has just begun to come
 _WINDOW_INTERVALS = 5.0
+
+
+class Messages(msgspec.Struct):
+    """The table of messages."""
+
+    every: Annotated[float, msgspec.Meta(ge=0.05, le=60)] = 0.1
+
+
+class MessagesView(SourceView[Messages]):
+    wish = Messages
+
+    def __init__(self, wish: Messages) -> None:
+        super().__init__(wish)
+        self._next_sparks = 0.0
+        self._sent: object = None  # what tells whether anything has changed
+
+    def look(self, source: Source, scene: Scene) -> dict[str, Any] | None:
+        if not self._is_due(scene.now, self.wanted.every):
+            return None
+        with_sparks = scene.now >= self._next_sparks
+        if with_sparks:
+            self._next_sparks = scene.now + SPARKS_EVERY
+        rows = message_rows(source, scene.shown, at=scene.at, with_sparks=with_sparks)
+        marks = [(row["t"], row["count"], round(row["rate"], 1)) for row in rows]
+        if self._sent == marks and (scene.at is not None or not with_sparks):
+            return None
+        self._sent = marks
+        return {"t": scene.shown, "rows": rows}
 
 
 def message_rows(source: Source, now: float, *, at: float | None, with_sparks: bool) -> list[dict[str, Any]]:
@@ -73,27 +102,3 @@ def _spark_column(source: Source, end: End, name: str) -> str | None:
 
 def _is_number(field: Field) -> bool:
     return field.is_number and not field.enum and not field.flags
-
-
-def frame_entries(
-    source: Source, most: int, message: str | None, with_discards: bool, at: float | None
-) -> list[dict[str, Any]]:
-    """The newest frames, oldest first."""
-    found = source.entries(most, message, with_discards, at)
-    return [_entry(source, end, entry, decoded) for end, entry, decoded in found]
-
-
-def _entry(source: Source, end: End, entry: Entry, message: Message | None) -> dict[str, Any]:
-    out: dict[str, Any] = {
-        "n": entry.offset,
-        "t": entry.t,
-        "direction": "sent" if end == source.role else "received",
-        "bytes": entry.bytes.hex(),
-        "size": entry.size,
-    }
-    if entry.name:
-        out |= {"kind": "frame", "message": entry.name}
-        return out if message is None else out | message_dict(message)
-    if is_raw(source.codec):
-        return out | {"kind": "bytes"}
-    return out | {"kind": "fill" if source.streams[end].is_fill(entry) else "discarded"}

@@ -1,4 +1,4 @@
-"""The view of the link: its state in one glance, rates, accounts, clock. Values only; no socket."""
+"""The link: its state in one glance, rates, accounts, clock."""
 
 from __future__ import annotations
 
@@ -11,19 +11,35 @@ import msgspec
 from wirebond.as_json import plain
 from wirebond.chinese import with_chinese
 from wirebond.console.station import Served
+from wirebond.console.views.view import Scene, View
 from wirebond.link.ends import other
 from wirebond.link.raw import is_raw
 from wirebond.protocol.model import End
 
+LINK_EVERY = 0.5  # seconds
 
-def short_state(served: Served) -> tuple[Any, ...]:
+
+class LinkView(View[bool]):
+    _short: object = ()  # what a person wants to know at once, as it was sent last
+
+    def round(self, scene: Scene) -> dict[str, Any] | None:
+        served = scene.station.served
+        short = None if served is None else _short_state(served)
+        if not self._is_due(scene.now, LINK_EVERY) and short == self._short:
+            return None
+        self._next = scene.now + LINK_EVERY
+        self._short = short
+        return _no_link(scene.station.connecting) if served is None else _link_state(served)
+
+
+def _short_state(served: Served) -> tuple[Any, ...]:
     """What a person wants to know at once when it changes."""
     link, server = served.link, served.server
     recording = server.recordings.current
     return link.state, link.why, link.stopped, server.holder, server.client_count, recording is not None
 
 
-def link_state(served: Served) -> dict[str, Any]:
+def _link_state(served: Served) -> dict[str, Any]:
     """All of it."""
     link, server, source = served.link, served.server, served.source
     stats = link.stats
@@ -70,7 +86,7 @@ def link_state(served: Served) -> dict[str, Any]:
     return with_chinese(told, "why", "stopped_by")
 
 
-def no_link(connecting: dict[str, Any] | None) -> dict[str, Any]:
+def _no_link(connecting: dict[str, Any] | None) -> dict[str, Any]:
     """The same where there is none."""
     tried = None if connecting is None else with_chinese(connecting, "why")
     return {"t": time.monotonic(), "wall": time.time(), "connected": False, "connecting": tried}

@@ -1,0 +1,67 @@
+"""What a view is: what a client may want to see, and what it lacks then. No socket."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar, Generic, TypeVar
+
+from wirebond.console.station import Station
+from wirebond.recording.history.source import Source
+
+W = TypeVar("W")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What all views of one client look at, in one round.
+
+    :ivar now: monotonic, in seconds.
+    :ivar source: the link's history or a recording's; None: there is neither.
+    :ivar shown: the time that is shown, on the source's clock.
+    :ivar at: the same if a recording is shown; None: the newest is shown.
+    """
+
+    now: float
+    station: Station
+    source: Source | None
+    shown: float
+    at: float | None
+
+
+class View(ABC, Generic[W]):
+    """One view of one client, from when it wants it until it wants it otherwise or not at all. One thread at a time."""
+
+    wish: ClassVar[Any] = bool  # the type of what a client says; false and null: it does not want it
+
+    def __init__(self, wish: W) -> None:
+        self.wanted = wish
+        self._next = 0.0
+
+    @abstractmethod
+    def round(self, scene: Scene) -> dict[str, Any] | None:
+        """What the client lacks now; None: nothing."""
+
+    def moved(self) -> None:
+        """From now on another time of the recording is shown."""
+
+    def _is_due(self, now: float, every: float) -> bool:
+        """Is it time, at most once in ``every`` seconds?"""
+        if now < self._next:
+            return False
+        self._next = now + every
+        return True
+
+
+class SourceView(View[W]):
+    """A view of a source; without one it shows nothing."""
+
+    def moved(self) -> None:
+        self._next = 0.0
+
+    def round(self, scene: Scene) -> dict[str, Any] | None:
+        return None if scene.source is None else self.look(scene.source, scene)
+
+    @abstractmethod
+    def look(self, source: Source, scene: Scene) -> dict[str, Any] | None:
+        """What the client lacks now; None: nothing."""
