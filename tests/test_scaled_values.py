@@ -7,7 +7,9 @@ the result looks right.
 from __future__ import annotations
 
 import random
+from dataclasses import replace
 from fractions import Fraction
+from pathlib import Path
 
 import pytest
 
@@ -194,3 +196,45 @@ def test_the_zero_of_a_float_has_a_sign_and_that_of_an_integer_has_none(field: s
     for zero in (0.0, -0.0):
         (message,) = codec.decoder("mcu").feed(codec.encode("m0", {"value": zero}), 0.0)
         assert str(message.fields["value"]) == str(zero if "f" in field[:8] else 0.0)
+
+
+BOUNDED = (
+    "{type: f32, range: [-0.3, 0.3]}",
+    "{type: f32, range: [1.1, 16777.217]}",
+    "{type: f64, range: [-0.3, 0.3]}",
+    "{type: f32, scale: 0.1, range: [-0.7, 0.3]}",
+    "{type: f32, scale: 0.001, range: [-0.033, 12.3457]}",
+    "{type: f32, scale: -7, offset: 0.1, range: [-0.9, 1.7]}",
+    "{type: f64, scale: 0.1, range: [-0.7, 0.3]}",
+)
+
+
+@pytest.mark.live
+def test_a_bound_that_a_float_does_not_hold_breaks_no_rule_as_it_arrives(tmp_path: Path) -> None:
+    """0.3 arrives as 0.30000001. Beyond it by a thousandth both ends find it outside."""
+    codec = Codec(loads(protocol_text(BOUNDED)))
+    sent = []
+    for message in codec.model.messages:
+        (field,) = message.fields
+        assert field.minimum is not None
+        assert field.maximum is not None
+        step = (field.maximum - field.minimum) / 1000
+        free = Codec(replace(codec.model, messages=(replace(message, fields=(replace(field, minimum=None),)),)))
+        sent += [codec.encode(message.name, value=bound) for bound in (field.minimum, field.maximum)]
+        sent += [free.encode(message.name, value=value) for value in (field.minimum - step, field.maximum + step)]
+    decoder = codec.decoder("mcu")
+    messages = decoder.feed(b"".join(sent)) + decoder.finish()
+    assert [message.violations != [] for message in messages] == [False, False, True, True] * len(BOUNDED)
+    for message, frame in zip(messages, sent, strict=True):
+        described = codec.model.message(message.name)
+        assert len(faults_of(read_fields(described, message.payload))) == len(message.violations)
+        if not message.violations:
+            (again,) = codec.decoder("mcu").feed(codec.encode(message.name, message.fields))
+            assert again.violations == [], message.fields
+            assert again.raw == frame or described.fields[0].is_scaled
+    program = build_formats([codec.model], [], BUILD, sanitize=True)
+    (answer,) = decode_all(program, [Job(0, End.MCU, [Chunk(0, b"".join(sent))])], tmp_path).jobs
+    for place, message in enumerate(messages):
+        assert answer.handed[place].rejected == bool(message.violations), (message.name, message.fields)
+        if not codec.model.message(message.name).fields[0].is_scaled:  # these lose some last digits on the way back
+            assert not difference(codec, message, answer.handed[place])

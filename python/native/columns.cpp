@@ -259,7 +259,7 @@ nb::object number_column(Column& column, const Rows& rows, std::size_t stride) {
       if (field.scaled) {
         return column_of<double>(column, rows, stride, [&](std::uint64_t bits) { return scale(real(bits)); });
       }
-      if (field.size == 4) return column_of<float>(column, rows, stride, real);
+      if (field.size < sizeof(double)) return column_of<float>(column, rows, stride, real);
       return column_of<double>(column, rows, stride, real);
     default:
       if (field.scaled) {

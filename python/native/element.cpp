@@ -93,7 +93,7 @@ double number_from(const FieldTable& field, nb::handle value, const Path& path) 
     throw_message_error(path.text() + " is " + number_text(number) + ", not a finite number");
   }
   if (field.has_range &&
-      !(number >= field.minimum - field.range_slack && number <= field.maximum + field.range_slack)) {
+      !(number >= field.accepted_least - field.range_slack && number <= field.accepted_most + field.range_slack)) {
     throw_message_error(path.text() + " = " + with_unit(number_text(number), field) + " is outside " +
                         range_text(field));
   }
@@ -275,8 +275,9 @@ std::string fault_of(const FieldTable& field, std::uint64_t raw) {
       if (!std::isfinite(wire)) return " is " + number_text(wire) + ", not a finite number";
       si = to_si(field, wire);
       // The generated code computes in the wire's own type, and has no value then.
-      if (!std::isfinite(field.size == 4 ? static_cast<double>(static_cast<float>(si)) : si)) {
-        return " is " + number_text(si) + ", beyond a " + std::to_string(8 * field.size) + "-bit float";
+      const bool is_double = field.size == sizeof(double);
+      if (!std::isfinite(is_double ? si : static_cast<double>(static_cast<float>(si)))) {
+        return " is " + number_text(si) + ", beyond a " + (is_double ? "64" : "32") + "-bit float";
       }
       break;
     }
@@ -295,7 +296,7 @@ std::string fault_of(const FieldTable& field, std::uint64_t raw) {
       si = to_si(field, wire_number);
     }
   }
-  if (!field.has_range || (si >= field.minimum && si <= field.maximum)) return "";
+  if (!field.has_range || (si >= field.accepted_least && si <= field.accepted_most)) return "";
   if (field.scaled && field.kind != FieldKind::floating && in_wire_range(field, wire_number)) return "";
   return " = " + with_unit(number_text(si), field) + " is outside " + range_text(field);
 }

@@ -56,6 +56,9 @@ void read_meaning(FieldTable& table, nb::handle field) {
     table.minimum = as_double(minimum);
     table.maximum = as_double(field.attr("maximum"));
     table.range_slack = as_double(field.attr("double_slack"));
+    const nb::object accepted = field.attr("accepted_limits");
+    table.accepted_least = as_double(nb::object(accepted[0]));
+    table.accepted_most = as_double(nb::object(accepted[1]));
   }
   table.default_value = field.attr("default");
   table.has_default = !table.default_value.is_none();

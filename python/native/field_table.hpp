@@ -80,7 +80,9 @@ struct FieldTable {
   bool has_range = false;
   double minimum = 0;
   double maximum = 0;
-  double range_slack = 0;  ///< rounding error that a bound may have
+  double range_slack = 0;     ///< rounding error that a bound may have
+  double accepted_least = 0;  ///< minimum and maximum as the wire carries them: see `Field.accepted_limits`
+  double accepted_most = 0;
   bool has_default = false;
   nb::object default_value;
   bool has_enum = false;

@@ -241,10 +241,10 @@ template <class Real>
 bool are_near(Real a, Real b, Real half_step) {
   return a - b < half_step && b - a < half_step;
 }
-/// The same for a scaled float, of which each end may lose some last digits; `offset` is its own, without sign.
+/// The same for a scaled float, of which each end may lose one of so many `steps`; `offset` is its own, without sign.
 template <class Real>
-bool are_close(Real a, Real b, Real offset) {
-  const Real limit = ((b < 0 ? -b : b) + offset) / 1048576;
+bool are_close(Real a, Real b, Real offset, Real steps) {
+  const Real limit = ((b < 0 ? -b : b) + offset) / steps;
   return a - b <= limit && b - a <= limit;
 }
 

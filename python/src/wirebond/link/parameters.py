@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import struct
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -295,8 +294,7 @@ class Parameters:
         limits = next(f for f in self._set.fields if f.name == "value")
         if limits.minimum is not None and limits.maximum is not None:
             here = f". The file here allows {limits.minimum:g} to {limits.maximum:g}, and the MCU less"
-        if self._value.is_float and self._value.size == 4:
-            value = shortest(value)
+        value = self._value.shortest(value)
         result = fields["result"]
         number = self._result.get(result, result)
         if number == _OK:
@@ -314,15 +312,6 @@ class Parameters:
 def _whole(text: object) -> int | None:
     is_index = isinstance(text, str) and text.isascii() and text.isdigit() and len(text) < 12
     return int(str(text)) if is_index else None
-
-
-def shortest(value: float) -> float:
-    """The shortest decimal number that a float of 32 bits holds as this one: 0.1, not 0.10000000149011612."""
-    for digits in range(6, 9):
-        short = float(f"{value:.{digits}g}")
-        if struct.pack("f", short) == struct.pack("f", value):
-            return short
-    return value
 
 
 # ---- files

@@ -7,10 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from wirebond.protocol.meaning.field_values import has_default
-from wirebond.protocol.model import Field, GivenMessage, Protocol
-
-# How far two reals may differ that were the same: as floats they are off by some units in the last place.
-_SAME_REAL = 2.0**-20
+from wirebond.protocol.model import F64, Field, GivenMessage, Protocol
 
 
 def is_given(model: Protocol, given: GivenMessage, message: str, fields: Mapping[str, Any]) -> bool:
@@ -71,12 +68,10 @@ def _element_equal(field: Field, received: Any, given: Any) -> bool:
     if field.is_integer:
         return field.wire_bits(received) == field.wire_bits(given)
     if field.is_float:
-        is_rounded = field.size == 4 or field.is_scaled
+        is_rounded = field.float_format != F64 or field.is_scaled
+        lost = 1 / field.float_format.steps
         return math.isclose(
-            received,
-            given,
-            rel_tol=_SAME_REAL if is_rounded else 0.0,
-            abs_tol=_SAME_REAL * abs(float(field.offset)),
+            received, given, rel_tol=lost if is_rounded else 0.0, abs_tol=lost * abs(float(field.offset))
         )
     return bool(received == given)
 

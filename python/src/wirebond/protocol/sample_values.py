@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, Protocol, TypeAlias
 
 from wirebond.protocol.matching import fitted_values
+from wirebond.protocol.meaning.field_values import value_limits
 from wirebond.protocol.model import Field, Message
 
 FEW = 3  # elements of lists, and bytes of texts, whose size may vary
@@ -97,7 +99,8 @@ class _Plausible:
 
 def _number(described: Field, wave: float | None) -> float | int:
     if described.is_float:
-        low, high = -1.0, 1.0
+        bounds = value_limits(described)  # narrow ones where it is scaled
+        low, high = float(max(bounds[0], Fraction(-1))), float(min(bounds[1], Fraction(1)))
     else:
         least, most = described.whole_limits
         ends = max(least, -100, -most), min(most, 100)  # wire units: a lively but modest value

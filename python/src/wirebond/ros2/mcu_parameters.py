@@ -8,7 +8,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from wirebond.errors import LinkDownError, WirebondError
-from wirebond.link.parameters import shortest
 from wirebond.ros2.node import Node, Parameter
 
 if TYPE_CHECKING:
@@ -121,7 +120,7 @@ class McuParameters:
             self._say("error", f"parameter {name}", f"the MCU did not take the given value of {PREFIX}{name}: {error}")
 
     def _tell(self, name: str, value: float) -> None:
-        rounded = shortest(value) if self._field.is_float and self._field.size == 4 else value
+        rounded = self._field.shortest(value)
         with self._lock:
             if name not in self._known or self._known[name] == rounded:
                 return

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-import struct
 from typing import Any
 
 from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.meaning.field_values import number_text
-from wirebond.protocol.model import BitOrder, ByteOrder, Field
+from wirebond.protocol.model import F32, F64, BitOrder, ByteOrder, Field
 
 ReadNumber = tuple[Any, str, str]  # value, text, fault
 
@@ -67,25 +66,19 @@ def _flags(field: Field, wire: int) -> ReadNumber:
 
 
 def _float(field: Field, raw: int) -> ReadNumber:
-    (wire,) = struct.unpack("<f" if field.size == 4 else "<d", raw.to_bytes(field.size, "little"))
+    of = field.float_format
+    wire = of.number_of(raw)
     if not math.isfinite(wire):
         return scaled(field, wire) if field.is_scaled else wire, str(wire), " is not a finite number"
-    shown = _decimal(wire) if field.size == 8 else _shortest_f32(wire)
+    shown = _decimal(of.shortest(wire))
     if not field.is_scaled:
         return wire, with_unit(shown, field), range_fault(field, wire)
     value = scaled(field, wire)
     fault = range_fault(field, value)
-    if not math.isfinite(value) or (field.size == 4 and _as_f32(value) is None):
-        fault = f" is {value:g}, beyond a {8 * field.size}-bit float"
+    computed = F32 if of.cpp == "float" else F64
+    if not math.isfinite(value) or computed.rounded(value) is None:
+        fault = f" is {value:g}, beyond a {8 * computed.size}-bit float"
     return value, f"{with_unit(_decimal(value), field)} ({_working(field, shown)})", fault
-
-
-def _as_f32(value: float) -> float | None:
-    """The nearest 32-bit float; None where it is too large."""
-    try:
-        return float(struct.unpack("<f", struct.pack("<f", value))[0])
-    except OverflowError:
-        return None
 
 
 def scaled(field: Field, wire: float) -> float:
@@ -99,9 +92,10 @@ def scaled(field: Field, wire: float) -> float:
 
 
 def range_fault(field: Field, value: float) -> str:
-    if field.minimum is None or field.maximum is None or field.minimum <= value <= field.maximum:
+    limits = field.accepted_limits
+    if limits is None or limits[0] <= value <= limits[1]:
         return ""
-    return f" is outside {with_unit(f'{_decimal(field.minimum)} to {_decimal(field.maximum)}', field)}"
+    return f" is outside {with_unit(f'{_decimal(field.minimum or 0.0)} to {_decimal(field.maximum or 0.0)}', field)}"
 
 
 def _working(field: Field, wire: str) -> str:
@@ -115,12 +109,3 @@ def with_unit(text: str, field: Field) -> str:
 
 def _decimal(value: float) -> str:
     return decimal_text(value, 10)
-
-
-def _shortest_f32(value: float) -> str:
-    """The fewest digits that give this float again: 0.1, not 0.10000000149."""
-    for digits in range(1, 9):
-        text = decimal_text(value, digits)
-        if _as_f32(float(text)) == value:  # none where it was rounded up past the greatest float
-            return text
-    return decimal_text(value, 9)

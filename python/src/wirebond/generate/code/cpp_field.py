@@ -164,9 +164,11 @@ def _bounds(spec: Field, limit: _Limit) -> tuple[str, str]:
         if _is_real(spec):
             type_name = real_type(spec)
             value: Fraction | float = bound
-            if limit == _Limit.RECEIVED and not spec.is_float:
+            if limit != _Limit.CLAMPED and spec.is_float and spec.accepted_limits is not None:
+                value = spec.accepted_limits[upper]
+            elif limit == _Limit.RECEIVED:
                 value = Scaling(spec, type_name).received_limit(bound, upper)
-            if limit == _Limit.SENT:
+            elif limit == _Limit.SENT:
                 value = Scaling(spec, type_name).given_limit(bound, upper)
             if type_name == "float" and math.isinf(nearest_float(float(value))):
                 return ""

@@ -87,7 +87,8 @@ def _same(spec: Field, a: str, b: str) -> str:
         return f"wirebond::detail::are_equal({a}, {b}, 0)"
     kind = real_type(spec)
     if spec.is_float:
-        return f"wirebond::detail::are_close<{kind}>({a}, {b}, {real(abs(spec.offset), kind)})"
+        offset = real(abs(spec.offset), kind)
+        return f"wirebond::detail::are_close<{kind}>({a}, {b}, {offset}, {spec.float_format.steps})"
     return f"wirebond::detail::are_near<{kind}>({a}, {b}, {real(abs(spec.scale) / 2, kind)})"
 
 

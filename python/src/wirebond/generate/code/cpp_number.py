@@ -3,25 +3,18 @@
 from __future__ import annotations
 
 import math
-import struct
 from dataclasses import dataclass
 from fractions import Fraction
 
-from wirebond.protocol.model import UNSIGNED, Coding, Field
+from wirebond.protocol.model import F32, F64, UNSIGNED, Coding, Field
 
-FLOAT_DIGITS = 24  # bits of a float's mantissa
-DOUBLE_DIGITS = 53
-_LEAST_FLOAT = Fraction(1, 1 << 126)  # with all its digits
-_GREATEST_FLOAT = Fraction((1 << 24) - 1) * (1 << 104)
+_DIGITS = {one.cpp: one.digits for one in (F32, F64)}  # binary digits of the C++ types
 
 
 def nearest_float(value: float) -> float:
     """``value`` as a C++ float holds it; infinite where it is too large."""
-    try:
-        result: float = struct.unpack("<f", struct.pack("<f", value))[0]
-    except OverflowError:
-        return math.copysign(math.inf, value)
-    return result
+    rounded = F32.rounded(value)
+    return math.copysign(math.inf, value) if rounded is None else rounded
 
 
 def real(value: Fraction | float, type_name: str) -> str:
@@ -81,16 +74,16 @@ def wire_integer(field: Field) -> WireInteger:
 def real_type(field: Field) -> str:
     """The SI type of a float or a scaled integer: a float where it brings every wire value back as it was."""
     if field.is_float:
-        return "float" if field.size == 4 else "double"
+        return field.float_format.cpp
     return "float" if _survives_float(field) else "double"
 
 
 def _survives_float(field: Field) -> bool:
     """Is what a wire number loses as a float, there and back, too little to become another one?"""
     greatest = (1 << field.width) * abs(field.scale) + abs(field.offset)
-    if abs(field.scale) < _LEAST_FLOAT or greatest > _GREATEST_FLOAT:
+    if abs(field.scale) < F32.least_normal or greatest > F32.greatest:
         return False
-    return field.lost_digits(FLOAT_DIGITS) < abs(field.scale) / 2
+    return field.lost_digits(F32.digits) < abs(field.scale) / 2
 
 
 @dataclass(frozen=True)
@@ -109,7 +102,7 @@ class Scaling:
             return False
         numerator, shift, denominator = self.field.common_factors
         wire = wire_integer(self.field)
-        limit = 2 ** (FLOAT_DIGITS if self.type_name == "float" else DOUBLE_DIGITS)
+        limit = 2 ** _DIGITS[self.type_name]
         ends = [abs(wire.low * numerator + shift), abs(wire.high * numerator + shift), denominator]
         return all(end <= limit for end in ends)
 
@@ -156,7 +149,7 @@ class Scaling:
             value = f"({value} {'-' if offset > 0 else '+'} {real(abs(offset), self.type_name)})"
         if scale == 1:
             return value
-        limit = 2 ** (FLOAT_DIGITS if self.type_name == "float" else DOUBLE_DIGITS)
+        limit = 2 ** _DIGITS[self.type_name]
         if scale.denominator > limit or abs(scale.numerator) > limit:
             return f"{value} / {real(scale, self.type_name)}"
         if scale.denominator != 1:
@@ -167,7 +160,7 @@ class Scaling:
         """The bound for values to send: what the arithmetic lost of the bound itself is not held against a value."""
         if self.field.is_float or self.is_exact:
             return Fraction(str(bound))
-        mantissa = FLOAT_DIGITS if self.type_name == "float" else DOUBLE_DIGITS
+        mantissa = _DIGITS[self.type_name]
         slack = min(self.field.lost_digits(mantissa), abs(self.field.scale) / 4)
         return Fraction(str(bound)) + (slack if upper else -slack)
 

@@ -218,7 +218,7 @@ def _type_of(spec: Field) -> str:
     if spec.value_type is str:
         return "string"
     if spec.is_float or spec.is_scaled:
-        return "float32" if spec.is_float and spec.size <= 4 and not spec.is_scaled else "float64"
+        return "float32" if spec.is_float and spec.float_format.cpp == "float" and not spec.is_scaled else "float64"
     size = next(size for size in _SIZES if size >= spec.width)
     return f"{'' if spec.coding.is_signed else 'u'}int{size}"
 

@@ -15,7 +15,7 @@ from wirebond.codec import Codec
 from wirebond.generate.doc.table import table
 from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.matching import fitted_values
-from wirebond.protocol.meaning.field_values import wire_limits
+from wirebond.protocol.meaning.field_values import value_limits, wire_limits
 from wirebond.protocol.model import End, Field, Message, Stuffing
 from wirebond.protocol.planning import expecting
 from wirebond.protocol.sample_values import values_by
@@ -151,6 +151,7 @@ def _within(field: Field, wire: int) -> int:
 
 def _float(field: Field, index: int) -> float:
     value = index + 1.5
-    if field.minimum is None or field.maximum is None or field.minimum <= value <= field.maximum:
-        return value
-    return (field.minimum + field.maximum) / 2
+    least, most = value_limits(field)
+    if field.minimum is not None and field.maximum is not None:
+        least, most = Fraction(field.minimum), Fraction(field.maximum)
+    return value if least <= value <= most else float((least + most) / 2)

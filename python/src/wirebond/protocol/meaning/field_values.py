@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import re
-import sys
 from fractions import Fraction
 
 from wirebond.protocol.decimals import decimal_text
 from wirebond.protocol.model import Default, Field
 from wirebond.protocol.problems import quoted, suggestion
 
-F64_MAX = Fraction(sys.float_info.max)
-F32_MAX = Fraction(2**24 - 1) * 2**104
-F32_MIN = Fraction(1, 2**126)  # with all its digits
 _BYTE = re.compile(r"0x[0-9a-fA-F]{1,2}")
 
 Given = Fraction | bool | str | list[Fraction | bool | str]  # a value as the file gives it
@@ -25,7 +21,7 @@ def wire_limits(field: Field) -> tuple[Fraction, Fraction]:
     if field.is_integer:
         least, greatest = field.whole_limits
         return Fraction(least), Fraction(greatest)
-    most = F32_MAX if field.size == 4 else F64_MAX
+    most = field.float_format.greatest
     return -most, most
 
 

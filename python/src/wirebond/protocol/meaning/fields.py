@@ -10,16 +10,13 @@ from typing import Any
 
 from wirebond.protocol import names
 from wirebond.protocol.meaning.field_values import (
-    F32_MAX,
-    F32_MIN,
-    F64_MAX,
     Given,
     fit_value,
     number_text,
     value_limits,
     wire_limits,
 )
-from wirebond.protocol.model import NUMBERS, UNSIGNED, ByteOrder, Field, FieldKind, OnRange
+from wirebond.protocol.model import F32, F64, NUMBERS, UNSIGNED, ByteOrder, Field, FieldKind, OnRange
 from wirebond.protocol.problems import Place, Problems
 from wirebond.protocol.text.field_grammar import (
     BitFieldSyntax,
@@ -290,17 +287,17 @@ def _as_constant(field: Field, wire: int) -> Field:
 def _scale_faults(field: Field) -> Iterator[tuple[str, str]]:
     """What scale and offset make of the numbers on the wire, where that is more than a float of their type can hold."""
     greatest = max(abs(bound) for bound in value_limits(field))
-    if not field.is_float and greatest > F64_MAX:
+    if not field.is_float and greatest > F64.greatest:
         yield "scale", "with this scale the greatest value is beyond a double; scale less"
         return
-    if field.is_float and field.size == 4:
+    if field.is_float and field.float_format.cpp == "float":
         for option, number in (("scale", field.scale), ("offset", field.offset)):
-            if number and not F32_MIN <= abs(number) <= F32_MAX:
+            if number and not F32.least_normal <= abs(number) <= F32.greatest:
                 yield (
                     option,
                     (
-                        f"f32 values are computed in 32-bit floats, and {number_text(number)} is out of their range "
-                        "(1.2e-38 to 3.4e+38); write a number within it, or take f64"
+                        f"{field.float_format.name} values are computed in 32-bit floats, and {number_text(number)} is "
+                        "out of their range (1.2e-38 to 3.4e+38); write a number within it, or take f64"
                     ),
                 )
                 return

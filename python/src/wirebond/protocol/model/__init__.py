@@ -15,6 +15,7 @@ from wirebond.protocol.model.fields import (
     FieldKind,
     OnRange,
 )
+from wirebond.protocol.model.floats import F32, F64, FLOATS, FloatFormat
 from wirebond.protocol.model.frames import (
     SENDER_NUMBERS,
     Address,
@@ -60,6 +61,9 @@ from wirebond.protocol.model.protocol import (
 __all__ = [
     "BCD",
     "CODINGS",
+    "F32",
+    "F64",
+    "FLOATS",
     "MAX_LATENCY",
     "NUMBERS",
     "PAUSE_MARGIN",
@@ -85,6 +89,7 @@ __all__ = [
     "Example",
     "Field",
     "FieldKind",
+    "FloatFormat",
     "FrameFormat",
     "GivenMessage",
     "GivenScalar",

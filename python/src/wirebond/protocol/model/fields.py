@@ -8,6 +8,7 @@ from fractions import Fraction
 from math import copysign, floor, lcm
 
 from wirebond.protocol.model.codings import UNSIGNED, Coding
+from wirebond.protocol.model.floats import FLOATS, FloatFormat
 
 
 class End(StrEnum):
@@ -226,6 +227,30 @@ class Field:
     @property
     def is_float(self) -> bool:
         return self.kind == FieldKind.FLOAT
+
+    @property
+    def float_format(self) -> FloatFormat:
+        """Of a float."""
+        return next(one for one in FLOATS if one.size == self.size)
+
+    @property
+    def accepted_limits(self) -> tuple[float, float] | None:
+        """Least and greatest value that breaks no rule, where it has a range. A bound that a float does not hold
+        arrives as the next float, which may lie beyond it: 0.3 in 32 bits as 0.30000001. An MCU that scales a float
+        loses some units in its last place besides."""
+        if self.minimum is None or self.maximum is None or not self.is_float:
+            return None if self.minimum is None or self.maximum is None else (self.minimum, self.maximum)
+        carried = []
+        for bound in (self.minimum, self.maximum):
+            slack = 0.0
+            if self.is_scaled:
+                slack = float((5 * abs(Fraction(bound)) + 8 * abs(self.offset)) / (1 << self.float_format.digits))
+            carried += [bound - slack, bound + slack, self.float_format.rounded(bound) or bound]
+        return min(carried), max(carried)
+
+    def shortest(self, value: float) -> float:
+        """The value with the fewest decimal digits that is the same float; that of another field itself."""
+        return self.float_format.shortest(value) if self.is_float else value
 
     def wire_bits(self, value: float | int | str) -> int:
         """The bits on the wire of one integer's value, at the bottom. The value fits: see ``field_values``.

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PlainValidator
 
-from wirebond.protocol.model import BCD, CODINGS, SIGN_MAGNITUDE, TWOS_COMPLEMENT, UNSIGNED, Coding, FieldKind
+from wirebond.protocol.model import BCD, CODINGS, FLOATS, SIGN_MAGNITUDE, TWOS_COMPLEMENT, UNSIGNED, Coding, FieldKind
 from wirebond.protocol.problems import quoted
 from wirebond.protocol.text.scalars import FOREIGN_TYPES, WireType, both_orders, describe, wrong
 
@@ -21,8 +21,8 @@ _WIDTHS = {
     BCD: "[48]|[135][26]|[24][048]|60",  # a double has all numbers of 15 digits
 }
 _POSSIBLE = (
-    "u8, i8 and s8 to u64, i64 and s64 in steps of 8 bits, bcd8 to bcd56 (two decimal digits in each byte), f32, f64, "
-    "bool, text, bytes, padding"
+    "u8, i8 and s8 to u64, i64 and s64 in steps of 8 bits, bcd8 to bcd56 (two decimal digits in each byte), "
+    f"{', '.join(one.name for one in FLOATS)}, bool, text, bytes, padding"
 )
 _ORDERS = "`le` or `be` behind a number's type sets its byte order"
 
@@ -49,8 +49,8 @@ def _whole_types() -> dict[str, WireType]:
         for bits in _widths(coding):
             if bits % 8 == 0:
                 table |= both_orders(f"{coding.letters}{bits}", FieldKind.INTEGER, bits // 8, coding)
-    for size in (4, 8):
-        table |= both_orders(f"f{8 * size}", FieldKind.FLOAT, size)
+    for one in FLOATS:
+        table |= both_orders(one.name, FieldKind.FLOAT, one.size)
     table["bool"] = WireType("bool", FieldKind.BOOL, 1)
     for kind in (FieldKind.TEXT, FieldKind.BYTES, FieldKind.PADDING):
         table[kind.value] = WireType(kind.value, kind, 0)
