@@ -17,7 +17,8 @@ from tests.shared import ROOT
 pytestmark = pytest.mark.live
 
 HAL = Path(os.environ.get("STM32_HAL_PATH", "/nonexistent"))
-PORTS = ["fake", "bare_metal", "freertos", "gd32_spl", "posix", "stm32_hal", "stm32_hal_registered", "stm32_ll"]
+TESTED = {test.parents[1].name for test in (ROOT / "ports").glob("*/tests/*_test.cpp")}
+PORTS = [*sorted(TESTED), "stm32_hal_registered"]
 
 
 @pytest.fixture(scope="module", params=["-O0", pytest.param("-O1", marks=pytest.mark.long)])

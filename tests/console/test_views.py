@@ -154,11 +154,13 @@ def test_a_wrong_wish_is_a_sentence_and_the_rest_goes_on(desk: Desk) -> None:
             {"views": {"plots": [{"id": "a", "seconds": 1}, {"id": "a", "seconds": 1}]}},
             {"views": {"frames": {"most": 10**9}}},
             {"views": {"messages": {"every": 0}}},
+            {"views": {"mesages": {"every": 1}}},
             {"views": 7},
             [],
         ]:
             say(socket, wrong)
-            assert view(socket, "error")["text"]
+            text = view(socket, "error")["text"]
+            assert "does not say what to show" in text or "plot" in text or "there is no view 'mesages'" in text, text
         say(socket, {"views": {"link": True, "plots": [{"id": "a", "fields": ["no.field"], "seconds": 5}]}})
         assert "no.field" in view(socket, "error")["text"]
         view(socket, "link")

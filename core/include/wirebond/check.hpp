@@ -157,14 +157,14 @@ WIREBOND_INLINE constexpr std::uint32_t sum_step(const CheckAlgorithm& a, std::u
       const std::uint32_t second = ((reg >> half) + first) % modulus;
       return (second << half) | first;
     }
-    default: {
-      std::uint64_t sum = std::uint64_t{reg} + number;
-      if (a.end_around) {
-        while ((sum >> a.width_bits) != 0) sum = (sum & mask_of(a.width_bits)) + (sum >> a.width_bits);
-      }
-      return static_cast<std::uint32_t>(a.modulus != 0 ? sum % a.modulus : sum);
-    }
+    case CheckKind::sum:
+    case CheckKind::crc: break;
   }
+  std::uint64_t sum = std::uint64_t{reg} + number;
+  if (a.end_around) {
+    while ((sum >> a.width_bits) != 0) sum = (sum & mask_of(a.width_bits)) + (sum >> a.width_bits);
+  }
+  return static_cast<std::uint32_t>(a.modulus != 0 ? sum % a.modulus : sum);
 }
 
 // Where the unit is a word, a register of up to 32 bits has those bytes above it that are no whole word yet: three at

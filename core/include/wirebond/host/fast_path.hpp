@@ -166,6 +166,20 @@ class FastPath {
     return true;
   }
 
+  /// What a form and its checks can say. A new member does not compile here until it is listed: then the fast path must
+  /// know it (`read_head`, `leaves_residue`) or not apply, as must `is_unlisted_form`.
+  static void all_members(const Form& form, const CheckRule& rule, const CheckAlgorithm& algorithm) {
+    [[maybe_unused]] const auto& [prefix, suffix, prefix_constants, constant_count, header_checks, check_count,
+                                  payload_size, length_unit, length_bias, fixed_payload, payload_unit, payload_rest,
+                                  trims_zeros, header_count, first_exclusion, exclusion_count, length, id, id_mask,
+                                  id_value, constants, checks, header] = form;
+    [[maybe_unused]] const auto& [index, from, to, at, bytes, order, shift, seeded, as_hex, on_wire, continues,
+                                  more_count, more, run, covers_run] = rule;
+    [[maybe_unused]] const auto& [kind, width_bits, reflect_in, reflect_out, poly, init, xor_out, modulus, negate, unit,
+                                  unit_is_little, odd_tail, end_around, plus, keep, bcd, avoided_count, avoided_plus,
+                                  avoided] = algorithm;
+  }
+
   bool read_head(const FrameFormat& format, const Form& form) {
     if (form.trims_zeros || (form.id.present() && !detail::id_comes_early(form))) return false;
     if (!read_numbers(form)) return false;

@@ -81,24 +81,34 @@ def read(text: str | bytes) -> Said:
 
     :raises UsageError: it is none, with a sentence.
     """
-    where = ""
     try:
         said = _decode(text)
-        views = None
-        if said.views is not None:
-            where = " in `views`"
-            shown = msgspec.convert(said.views, _Shown)
-            wishes = {}
-            for name, view in VIEWS.items():
-                where = f" in `views.{name}`"
-                wishes[name] = msgspec.convert(said.views.get(name), view.wish | None)
-            wanted = {name: wish for name, wish in wishes.items() if wish}
-            views = Views(wanted, shown.plots, shown.source, shown.at)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        raise UsageError(f"this says not what to show{where}: {error}; see docs/console-api.md") from None
-    if views is not None:
-        _check(views)
+        raise _not_understood("", error) from None
+    views = None if said.views is None else _views(said.views)
     return Said(views, said.token, said.acks, said.seen)
+
+
+def _views(asked: dict[str, Any]) -> Views:
+    unknown = asked.keys() - {*VIEWS, *_Shown.__struct_fields__}
+    if unknown:
+        raise UsageError(f"there is no view {min(unknown)!r:.40}; possible: {', '.join(VIEWS)}, plots")
+    wishes = {}
+    where = ""
+    try:
+        shown = msgspec.convert(asked, _Shown)
+        for name, view in VIEWS.items():
+            where = f" of `{name}`"
+            wishes[name] = msgspec.convert(asked.get(name), view.wish | None)
+    except msgspec.MsgspecError as error:
+        raise _not_understood(where, error) from None
+    views = Views({name: wish for name, wish in wishes.items() if wish}, shown.plots, shown.source, shown.at)
+    _check(views)
+    return views
+
+
+def _not_understood(where: str, error: Exception) -> UsageError:
+    return UsageError(f"this does not say what to show{where}: {error}; see docs/console-api.md")
 
 
 def _check(views: Views) -> None:

@@ -274,7 +274,7 @@ AMBIGUOUS: dict[str, tuple[str, ...]] = {
 
 
 # Kinds that a file may name with a width of its own.
-OWN_KINDS = {"crc": CheckKind.CRC, "sum": CheckKind.SUM, "xor": CheckKind.XOR, "fletcher": CheckKind.FLETCHER}
+OWN_KINDS = {kind.value: kind for kind in CheckKind}
 
 
 def find(name: str) -> Algorithm | None:

@@ -31,6 +31,7 @@ from wirebond.protocol.plan import (
 from wirebond.protocol.registers import register_of
 
 _CONSTANT_KINDS = (PartKind.MAGIC, PartKind.CONSTANT, PartKind.TAIL)
+_WITHOUT_NUMBER = (PartKind.PAYLOAD, PartKind.RESERVED, PartKind.BITS)  # whose bits are looked at one by one, if any
 
 
 def offsets_of(form_parts: FormParts, algorithms: list[Algorithm], places: dict[str, int], sender: End | None) -> Form:
@@ -86,6 +87,8 @@ def offsets_of(form_parts: FormParts, algorithms: list[Algorithm], places: dict[
         elif part.kind == PartKind.CHECK:
             in_header = index < payload_index and part.last_covered < payload_index
             checks.append((not in_header, index, part))
+        elif part.kind not in _WITHOUT_NUMBER:
+            raise NotImplementedError(f"offsets.py has no entry for the part '{part.kind}'")
         for run in part.bits:
             number = Number(at, part.size, part.order, run.shift, run.mask)
             if run.role == BitRole.LENGTH:

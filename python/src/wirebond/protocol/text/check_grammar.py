@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from wirebond.protocol.algorithms import OWN_KINDS
 from wirebond.protocol.text.frame_scalars import ByteRanges, CheckName, PartRanges
 from wirebond.protocol.text.scalars import Bool, CheckWidth, Modulus, Register, WordSize, one_word
 from wirebond.protocol.text.wording import Syntax
@@ -21,7 +22,7 @@ class Avoided(Syntax):
 
 
 class Check(Syntax):
-    """A check, in full. `type: crc`, `sum`, `xor` or `fletcher` with a `width` gives one of one's own.
+    """A check, in full. A kind, such as `type: sum`, with a `width` gives one of one's own.
 
     Its value is worked out in this order: the sum over the units, `odd`, `negate`, `plus`, `mask`, `xorout`, `bcd`,
     `avoid`.
@@ -30,7 +31,7 @@ class Check(Syntax):
     noun = "`check`"
 
     type: CheckName = Field(
-        description="Name in the catalogue of check algorithms, or crc, sum, xor or fletcher for one's own.",
+        description=f"Name in the catalogue of check algorithms, or for one's own its kind: {', '.join(OWN_KINDS)}.",
         examples=["crc-16/ibm-sdlc"],
     )
     over: PartRanges | None = Field(

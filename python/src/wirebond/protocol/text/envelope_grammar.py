@@ -2,30 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
-from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
+from pydantic import AfterValidator, Field
 
 from wirebond.protocol.plan import MAX_INSERTION
-from wirebond.protocol.text.frame_grammar import (
-    MAX_PARTS,
-    OUTER,
-    BitsPart,
-    CheckPart,
-    ConstantPart,
-    FieldPart,
-    IdPart,
-    InnerPart,
-    InnerParts,
-    LengthPart,
-    MagicPart,
-    PayloadPart,
-    ReservedPart,
-    SequencePart,
-    TailPart,
-    one_part,
-    part_key,
-)
+from wirebond.protocol.text.frame_grammar import INNER, MAX_PARTS, InnerPart, InnerParts, union_of
 from wirebond.protocol.text.scalars import ConstantBytes, DelimiterBytes, Duration, OneByte, one_word, wrong
 from wirebond.protocol.text.wording import Syntax
 
@@ -154,27 +136,19 @@ class SilencePart(Syntax):
     )
 
 
-Part = Annotated[
-    Annotated[MagicPart, Tag("part:magic")]
-    | Annotated[ConstantPart, Tag("part:constant")]
-    | Annotated[TailPart, Tag("part:tail")]
-    | Annotated[DelimiterPart, Tag("part:delimiter")]
-    | Annotated[LengthPart, Tag("part:length")]
-    | Annotated[IdPart, Tag("part:id")]
-    | Annotated[PayloadPart, Tag("part:payload")]
-    | Annotated[ReservedPart, Tag("part:reserved")]
-    | Annotated[FieldPart, Tag("part:field")]
-    | Annotated[SequencePart, Tag("part:sequence")]
-    | Annotated[BitsPart, Tag("part:bits")]
-    | Annotated[CheckPart, Tag("part:check")]
-    | Annotated[SlipPart, Tag("part:slip")]
-    | Annotated[HdlcPart, Tag("part:hdlc")]
-    | Annotated[DoubledPart, Tag("part:doubled")]
-    | Annotated[EscapedPart, Tag("part:escaped")]
-    | Annotated[HexPart, Tag("part:hex")]
-    | Annotated[InsertedPart, Tag("part:inserted")]
-    | Annotated[SilencePart, Tag("part:silence")]
-    | Annotated[CobsPart, Tag("part:cobs")],
-    Discriminator(part_key),
-    BeforeValidator(one_part(OUTER)),
-]
+_OUTER: dict[str, type[Syntax]] = {
+    "delimiter": DelimiterPart,
+    "slip": SlipPart,
+    "hdlc": HdlcPart,
+    "doubled": DoubledPart,
+    "escaped": EscapedPart,
+    "hex": HexPart,
+    "inserted": InsertedPart,
+    "silence": SilencePart,
+    "cobs": CobsPart,
+}
+
+if TYPE_CHECKING:
+    Part: TypeAlias = Syntax
+else:
+    Part = union_of({**INNER, **_OUTER})

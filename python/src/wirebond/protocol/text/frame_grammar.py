@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Annotated, Literal
+from collections.abc import Callable, Collection, Mapping
+from functools import reduce
+from operator import or_
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Discriminator, Field, PlainValidator, Tag
 from pydantic_core import PydanticCustomError
@@ -285,12 +287,6 @@ class CheckPart(PartSyntax):
     )
 
 
-_INNER = (
-    "magic", "constant", "tail", "length", "id", "payload", "reserved", "field", "sequence", "bits", "check",
-)  # fmt: skip
-OUTER = (*_INNER, "delimiter", "cobs", "slip", "hdlc", "doubled", "escaped", "hex", "inserted", "silence")
-
-
 def part_key(value: object) -> str:
     """The tag of a part in the unions of parts; empty: it is none."""
     found = part_keys(value) if isinstance(value, dict) else []
@@ -299,10 +295,10 @@ def part_key(value: object) -> str:
 
 def part_keys(value: dict[str, object]) -> list[str]:
     """The keys that say which part this is. An option that is called as a part (`bits` within `fields`) is none."""
-    return [key for key in value if key in OUTER]
+    return [key for key in value if key in INNER or key in _OUTER]
 
 
-def one_part(allowed: tuple[str, ...]) -> Callable[[object], object]:
+def one_part(allowed: Collection[str]) -> Callable[[object], object]:
     """Refuses what is not one part, or not one of these."""
 
     def validate(value: object) -> object:
@@ -322,20 +318,31 @@ def one_part(allowed: tuple[str, ...]) -> Callable[[object], object]:
     return validate
 
 
-InnerPart = Annotated[
-    Annotated[MagicPart, Tag("part:magic")]
-    | Annotated[ConstantPart, Tag("part:constant")]
-    | Annotated[TailPart, Tag("part:tail")]
-    | Annotated[LengthPart, Tag("part:length")]
-    | Annotated[IdPart, Tag("part:id")]
-    | Annotated[PayloadPart, Tag("part:payload")]
-    | Annotated[ReservedPart, Tag("part:reserved")]
-    | Annotated[FieldPart, Tag("part:field")]
-    | Annotated[SequencePart, Tag("part:sequence")]
-    | Annotated[BitsPart, Tag("part:bits")]
-    | Annotated[CheckPart, Tag("part:check")],
-    Discriminator(part_key),
-    BeforeValidator(one_part(_INNER)),
-]
+def union_of(parts: Mapping[str, type[Syntax]]) -> Any:
+    """The type of a part that is one of these, by their keys."""
+    tagged = (Annotated[part, Tag(_TAG + key)] for key, part in parts.items())
+    return Annotated[reduce(or_, tagged), Discriminator(part_key), BeforeValidator(one_part(parts))]
+
+
+# One entry for each part that has bytes of its own. `envelope_grammar` has those around them.
+INNER: dict[str, type[PartSyntax]] = {
+    "magic": MagicPart,
+    "constant": ConstantPart,
+    "tail": TailPart,
+    "length": LengthPart,
+    "id": IdPart,
+    "payload": PayloadPart,
+    "reserved": ReservedPart,
+    "field": FieldPart,
+    "sequence": SequencePart,
+    "bits": BitsPart,
+    "check": CheckPart,
+}
+_OUTER = ("delimiter", "cobs", "slip", "hdlc", "doubled", "escaped", "hex", "inserted", "silence")
+
+if TYPE_CHECKING:
+    InnerPart: TypeAlias = PartSyntax
+else:
+    InnerPart = union_of(INNER)
 
 InnerParts = Annotated[list[InnerPart], Field(min_length=1, max_length=MAX_PARTS)]
