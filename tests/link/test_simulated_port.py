@@ -76,6 +76,11 @@ def test_a_virtual_mcu_is_no_host() -> None:
     assert simulations() == before
 
 
+def test_a_name_behind_the_colon_is_refused_with_what_to_write() -> None:
+    with pytest.raises(UsageError, match="there is no simulator sim:robot; write sim: alone"):
+        wirebond.open(FILE, "sim:robot")
+
+
 def test_commands_take_it(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["send", str(FILE), "sim:", "status_query"]) == 0
     assert json.loads(capsys.readouterr().out.splitlines()[0])["message"] == "status"

@@ -61,6 +61,11 @@ class OwnPort:
             self._simulated = plugin("sim")(codec)
             weakref.finalize(self, self._simulated.close).atexit = False  # at the end of the program `end` does it
             name = PortName(self._simulated.path)
+        elif text.startswith(SIMULATED):
+            sentence = (
+                f"there is no simulator {text}; write {SIMULATED} alone, and it simulates the protocol file's MCU"
+            )
+            raise UsageError(sentence)
         else:
             name = port_name(text)
         self.port = SIMULATED if self._simulated is not None else name.text
