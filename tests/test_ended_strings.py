@@ -11,6 +11,7 @@ import pytest
 
 import wirebond
 from tests.compilers import CXX
+from tests.generate.code.test_python import module_of
 from wirebond.analysis.explain import explain
 from wirebond.codec import Codec
 from wirebond.errors import MessageError
@@ -226,4 +227,8 @@ def test_c_and_typed_python_have_it(tmp_path: Path) -> None:
     assert "struct { uint16_t size; char data[6]; } model;" in (tmp_path / "ended.h").read_text()
     path = tmp_path / "ended.yaml"
     path.write_text(TEXT)
+    module = module_of(path, tmp_path)
+    found = module.from_message(decoded(PAYLOAD))
+    assert (type(found), found.model) == (module.Identity, "gö2")
+    assert found.encode() == framed(PAYLOAD)
     assert wirebond.load(path).decode_columns(framed(PAYLOAD), "mcu")["identity"]["model"] == ["gö2"]

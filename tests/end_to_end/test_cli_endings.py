@@ -219,7 +219,7 @@ def test_monitor_into_a_pipe_that_closes_gives_its_account_and_is_no_error(as_js
         ('"$WIREBOND" --help | true', 0),
         pytest.param('"$WIREBOND" check "$FILE" | true', 0, marks=pytest.mark.long),
         ('"$WIREBOND" doc "$FILE" | head -1', 0),
-        ('"$WIREBOND" explain "$FILE" --hex 00 2>/dev/null | true', None),
+        ('"$WIREBOND" explain "$FILE" --hex 00 | true', None),
         pytest.param('"$WIREBOND" check nothing.yaml 2>&1 >/dev/null | true', 1, marks=pytest.mark.long),
         ('"$WIREBOND" decode "$FILE" --hex 00 2> >(true)', 1),
         pytest.param('"$WIREBOND" decode "$FILE" --hex 00 2>&-', 1, marks=pytest.mark.long),

@@ -107,9 +107,11 @@ def test_the_end_of_a_lease_sends_the_safe_value_to_its_address_alone() -> None:
     line = Line(BUS)
     line.repeat("move", 0.05, header={"servo": 3}, angle=0.3)
     line.repeat("move", 1.0, header={"servo": 7}, angle=0.7)
-    line.run(60_000)
     left = line.run(60_000)
-    assert {servo for _, servo, _ in left} == {7}
+    assert left.count(("move", 3, {"angle": 0.0, "torque": 0})) == 1
+    after = line.run(60_000)
+    assert {servo for _, servo, _ in after} == {7}
+    assert {fields["angle"] for _, servo, fields in (*left, *after) if servo == 7} == {0.7}
     line = Line(BUS)
     line.repeat("move", 0.05, header={"servo": 3}, angle=0.3)
     assert line.run(200_000)[-1] == ("move", 3, {"angle": 0.0, "torque": 0})

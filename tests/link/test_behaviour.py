@@ -142,10 +142,12 @@ def test_a_stop_while_the_port_is_away_is_the_first_to_leave_when_it_is_back(mak
     assert link.messages()[:2] == STOP
 
 
-def test_a_stop_that_was_under_way_or_done_when_the_port_went_is_sent_again(make: Make) -> None:
+@pytest.mark.parametrize("is_done", [True, False])
+def test_a_stop_that_was_under_way_or_done_when_the_port_went_is_sent_again(make: Make, is_done: bool) -> None:
     link = make()
     link.emergency_stop()
-    link.run_until(lambda: "drive" in link.names(), "the stop arrives")
+    if is_done:
+        link.run_until(lambda: "drive" in link.names(), "the stop arrives")
     link.unplug()
     link.run(0.1)
     link.plug()
@@ -167,6 +169,8 @@ def test_a_lease_ends_with_the_safe_value_before_a_full_queue(make: Make) -> Non
     found = [message for message in link.messages() if message[0] == "drive"]
     assert found.count(STOP[1]) == 1  # once, without a latch
     assert found[-1] == STOP[1]
+    if isinstance(link, VirtualDriver):  # others may pause meanwhile
+        assert link.messages().index(STOP[1]) < 100  # of the 600 that waited
     assert "arm" not in link.names()
     assert link.stats()["send"]["overruled"] >= 1
 
@@ -217,17 +221,20 @@ def test_stop_repeating_drops_what_waits_and_sends_no_last_value(make: Make) -> 
 
 
 def test_closing_sends_the_safe_value_before_a_full_queue(make: Make) -> None:
-    link = make()
-    link.fill_queue("note", number=1, text=b"x" * 100)
-    link.repeat("drive", hold=60, **FULL_SPEED)
-    link.close()
-    found = link.messages()
-    assert ("drive", FULL_SPEED) not in found
-    stats = link.stats()["send"]
-    assert stats["queued"] == 0
-    if isinstance(link, VirtualDriver):  # a process that is paused sends more before it closes
-        assert found.index(STOP[1]) < 100  # of the 600 that waited
-        assert stats["expired"] > 0  # a second does not empty the queue
+    for _ in moments("a link that closes without a pause of the machine"):
+        link = make()
+        link.fill_queue("note", number=1, text=b"x" * 100)
+        link.repeat("drive", hold=60, **FULL_SPEED)
+        link.close()
+        found = link.messages()
+        assert ("drive", FULL_SPEED) not in found
+        stats = link.stats()["send"]
+        assert stats["queued"] == 0
+        if isinstance(link, VirtualDriver):  # a process that is paused sends more before it closes
+            assert found.index(STOP[1]) < 100  # of the 600 that waited
+            assert stats["expired"] > 0  # a second does not empty the queue
+        if STOP[1] in found:
+            break
 
 
 def test_closing_sends_the_safe_value_of_everything_that_was_sent(make: Make) -> None:

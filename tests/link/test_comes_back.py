@@ -58,6 +58,7 @@ class Device:
             assert self.port is not None
             self.port.write(self._pose[:5])
             self._decoder = self._codec.decoder("host")
+            self.heard = []
 
     def end(self) -> None:
         self._ends.set()
@@ -136,8 +137,10 @@ def test_it_always_comes_back_and_sends_nothing_of_before(
             wait(lambda: len(device.heard) > 5 and link.state == "up", link, event)
             kind = source.choice(["unplug", "rename", "restart"])
             if kind == "restart":
+                poses = writer.poses
                 device.restart()
                 let_pass(source.uniform(0, 0.02))
+                wait(lambda poses=poses: device.heard and writer.poses > poses, link, event)
                 continue
             away += 1
             name[0].unlink()

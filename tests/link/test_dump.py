@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 import wirebond
-from tests.shared import PROTOCOLS, codec
-from tests.streams import chunks, hard_stream, random_frame
+from tests.shared import PROTOCOLS, ROOT, codec
+from tests.streams import chunks, hard_stream
 from tests.waiting import PATIENCE, wait_until
 from wirebond import Codec, Dump, _engine
 from wirebond.cli.main import main
@@ -130,12 +130,20 @@ def test_no_frame_goes_on_behind_a_loss_of_the_port() -> None:
 
 
 def test_the_last_request_tells_what_a_reply_is() -> None:
-    described = wirebond.load(PROTOCOLS / "contrib" / "lx16a.yaml")
-    source = random.Random("asked")
-    asked = next(m for m in described.model.messages if m.reply is not None)
-    request = described.encode(asked.name, {f.name: 0 for f in asked.fields})
-    pieces = [Piece(1.0, "sent", request), Piece(1.5, "received", random_frame(described, source))]
-    assert Dump(described, 2.0, pieces, 0).entries[0].kind == "frame"
+    described = wirebond.load(ROOT / "tests" / "formats" / "by_request.yaml")
+    for request, reply, values in (
+        ("read_speed", "speed", {"speed": 0.25}),
+        ("read_state", "state", {"battery": 11.5, "faults": 1, "uptime": 7}),
+    ):
+        pieces = [
+            Piece(1.0, "sent", described.encode("read_speed")),
+            Piece(1.2, "sent", described.encode(request)),
+            Piece(1.5, "received", described.encode(reply, values)),
+        ]
+        entry = Dump(described, 2.0, pieces, 0).entries[-1]
+        assert (entry.direction, entry.kind) == ("received", "frame")
+        assert entry.message is not None
+        assert entry.message.name == reply
 
 
 # ---- over a pty

@@ -101,9 +101,12 @@ def test_stop_drops_what_waits_and_a_lost_port_expires_it(arm: VirtualDriver) ->
     assert arm.stats()["send"]["overruled"] == 1
     filled(arm)
     arm.send("move", speed=9)
+    waiting = arm.stats()["send"]["queued"]
+    assert waiting >= 2
     arm.unplug()
     arm.run(0.1)
-    assert arm.stats()["send"]["expired"] >= 1
+    sent = arm.stats()["send"]
+    assert (sent["queued"], sent["expired"]) == (0, waiting)
     arm.check()
 
 

@@ -84,7 +84,9 @@ def test_what_a_link_gives_live_its_recording_gives_again(tmp_path: Path) -> Non
     offset = live[0].t - again[0].t
     assert offset == pytest.approx(recorder.started, abs=1e-5)
     assert all(abs(m.t - offset - a.t) < 1e-5 for m, a in zip(live, again, strict=False))
-    assert [m["linear"] for m in found.messages("host")] == [0.5] * len(list(found.messages("host")))
+    sent = [message["linear"] for message in found.messages("host")]
+    assert sent
+    assert set(sent) == {0.5}
     assert [(e.kind, dict(e.facts)) for e in found.events if e.kind == "control"] == [("control", {"to": "anna"})]
     assert found.codec.hash == link.codec.hash
     assert found.port == "sim:"
@@ -383,6 +385,7 @@ def test_the_command_records_until_its_time_is_over(
     monkeypatch.chdir(tmp_path)
     taken = Stopwatch()
     assert main(["record", str(PROTOCOLS / "diffdrive.yaml"), "sim:", "--minutes", "0.005"]) == 0
+    assert taken.seconds >= 0.3
     told = capsys.readouterr()
     path = Path(told.out.strip())
     assert path.name.startswith("diffdrive-20")

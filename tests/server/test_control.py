@@ -20,7 +20,7 @@ from tests.relay import Relay
 from tests.server.conftest import Served, Writer
 from tests.shared import codec
 from tests.suspended import Suspended
-from tests.waiting import PATIENCE, let_pass, rounds_for, wait_until
+from tests.waiting import PATIENCE, let_pass, moments, rounds_for, wait_until
 from wirebond import NotInControlError, StoppedError
 from wirebond.link.attached import words
 from wirebond.link.attached.attached_link import AttachedLink
@@ -345,6 +345,24 @@ def test_a_command_that_waits_for_its_turn_leaves_only_in_control_and_in_time(tm
             asks.close()
             if end != "killed":
                 raw.close()
+    pty.close()
+
+
+def test_a_command_that_waits_for_its_turn_leaves_when_that_comes_in_time(tmp_path: Path) -> None:
+    proto, pty = wirebond.Codec(loads(_ASKED_IN_TURN)), PtyPort()
+    path = tmp_path / "server.sock"
+    with wirebond.open(proto, pty.path) as link, Server(link, path) as server:
+        served = Served(proto, pty, link, server, f"wirebond://{path}")
+        raw, asks = Raw(served), Raw(served)
+        for _ in moments("a turn that comes in time"):
+            asks.ask(words.Send(message="ask", fields={}, tick=asks.tick, reply=60))
+            raw.ask(words.Send(message="move", fields={"speed": 5}, reply=60, tick=raw.tick))
+            pty.write(proto.encode("asked", place=1))
+            if 5 in [m["speed"] for m in served.sent(0.2) if m.name == "move"]:
+                break  # else a pause let the command become too old
+            pty.write(proto.encode("asked", place=1))
+        asks.close()
+        raw.close()
     pty.close()
 
 

@@ -95,11 +95,24 @@ def test_junk_after_the_answer_takes_the_link_down_with_a_sentence(served: Serve
 
 
 @pytest.mark.parametrize("junk", JUNK, ids=range(len(JUNK)))
-def test_a_link_that_gets_junk_says_so_and_comes_back(served: Served, junk: bytes) -> None:
+def test_a_link_that_gets_junk_says_so_and_comes_back(
+    served: Served, junk: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    attach, may_attach = attached_link.attach, threading.Event()
+
+    def attach_late(*arguments: Any, **options: Any) -> Any:
+        may_attach.wait(PATIENCE)
+        return attach(*arguments, **options)
+
     with served.attach() as link:
+        monkeypatch.setattr(attached_link, "attach", attach_late)
         clients = served.server._owner.clients
         number, client = next(iter(clients.items()))
         served.server._owner.loop.call_soon_threadsafe(client.write, junk)
+        wait_until(
+            lambda: "sent what no Wirebond server sends" in link.why, lambda: f"why it is down; it is {link.why}"
+        )
+        may_attach.set()
         wait_until(lambda: number not in clients and len(clients) == 1, "it attaches again")
         wait_until(lambda: link.state != "down", link.why)
         link.send("status_query")
