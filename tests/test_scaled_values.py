@@ -202,6 +202,8 @@ BOUNDED = (
     "{type: f32, range: [-0.3, 0.3]}",
     "{type: f32, range: [1.1, 16777.217]}",
     "{type: f64, range: [-0.3, 0.3]}",
+    "{type: f32, range: [1.0e-50, 1]}",
+    "{type: f32, scale: 1.0e+30, range: [1.04e-15, 1]}",
     "{type: f32, scale: 0.1, range: [-0.7, 0.3]}",
     "{type: f32, scale: 0.001, range: [-0.033, 12.3457]}",
     "{type: f32, scale: -7, offset: 0.1, range: [-0.9, 1.7]}",

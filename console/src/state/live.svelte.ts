@@ -129,6 +129,9 @@ class Live {
   private showTo(view: string, wishes: { wish: unknown }[]): void {
     this.shownBy.set(view, wishes);
     this.want({ [view]: wishes.at(-1)?.wish ?? null });
+    if (wishes.length === 0 && view in this.newest) {
+      this.newest = Object.fromEntries(Object.entries(this.newest).filter(([name]) => name !== view));
+    }
   }
 
   wantPlots(plots: PlotWish[]): void {

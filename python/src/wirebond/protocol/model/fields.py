@@ -240,12 +240,15 @@ class Field:
         loses some units in its last place besides."""
         if self.minimum is None or self.maximum is None or not self.is_float:
             return None if self.minimum is None or self.maximum is None else (self.minimum, self.maximum)
+        of = self.float_format
         carried = []
         for bound in (self.minimum, self.maximum):
             slack = 0.0
             if self.is_scaled:
-                slack = float((5 * abs(Fraction(bound)) + 8 * abs(self.offset)) / (1 << self.float_format.digits))
-            carried += [bound - slack, bound + slack, self.float_format.rounded(bound) or bound]
+                lost = (5 * abs(Fraction(bound)) + 8 * abs(self.offset)) / (1 << of.digits)
+                slack = float(lost + of.smallest * abs(self.scale))
+            rounded = of.rounded(bound)
+            carried += [bound - slack, bound + slack, bound if rounded is None else rounded]
         return min(carried), max(carried)
 
     def shortest(self, value: float) -> float:

@@ -42,6 +42,11 @@ class FloatFormat:
         return Fraction(2) ** self.least
 
     @property
+    def smallest(self) -> Fraction:
+        """The least number above zero: the step between numbers near zero."""
+        return Fraction(2) ** (self.least - self.digits + 1)
+
+    @property
     def steps(self) -> int:
         """One of so many parts of a value is lost, at most, on its way through an MCU that scales it."""
         return 1 << min(self.digits, 24) - 4
