@@ -25,8 +25,8 @@ settings.load_profile("any_speed")
 # A shell ignores Ctrl-C for what it starts in the background, and children would inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# Servers put their sockets into this folder, and remember there which emergency stops nobody has released. What another
-# run left behind, perhaps because it was killed, must not reach this one.
+# Servers keep their sockets and unreleased emergency stops in this folder. Each run has its own, so that a run that was
+# killed cannot affect the next one.
 os.environ["XDG_RUNTIME_DIR"] = tempfile.mkdtemp(prefix="wirebond_")
 atexit.register(shutil.rmtree, os.environ["XDG_RUNTIME_DIR"], ignore_errors=True)
 

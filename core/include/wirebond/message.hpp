@@ -241,7 +241,7 @@ template <class Real>
 bool are_near(Real a, Real b, Real half_step) {
   return a - b < half_step && b - a < half_step;
 }
-/// The same for a scaled float, of which each end may lose one of so many `steps`; `offset` is its own, without sign.
+/// Compare scaled floats. Each end may lose 1 / `steps` of a value. `offset` is the field's own, without sign.
 template <class Real>
 bool are_close(Real a, Real b, Real offset, Real steps) {
   const Real limit = ((b < 0 ? -b : b) + offset) / steps;

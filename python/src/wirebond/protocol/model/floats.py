@@ -48,7 +48,7 @@ class FloatFormat:
 
     @property
     def steps(self) -> int:
-        """One of so many parts of a value is lost, at most, on its way through an MCU that scales it."""
+        """An MCU that scales a value loses at most 1 / `steps` of it."""
         return 1 << min(self.digits, 24) - 4
 
     def number_of(self, bits: int) -> float:
