@@ -8,8 +8,9 @@ PYTHON := $(abspath $(VENV))/bin/python
 # Tests wait for bytes and for deadlines: two for each processor.
 WORKERS := $(shell echo $$(( $$(nproc) * 2 )))
 INTERFACE := $(wildcard $(addprefix python/src/wirebond/,engine_interface.py _engine.pyi link/engine_settings.py \
-            protocol/model/*.py protocol/payload_rules.py protocol/plan.py ros2/mapping/packing.py))
-NATIVE := CMakeLists.txt pyproject.toml $(INTERFACE) $(shell find core/include ports/posix python/native -name '*.[ch]pp')
+            protocol/model/fields.py protocol/model/frames.py protocol/payload_rules.py protocol/plan.py protocol/tables.py \
+            ros2/mapping/packing.py))
+NATIVE := CMakeLists.txt pyproject.toml $(INTERFACE) $(shell find core/include engine ports/posix python/native -name '*.[ch]pp')
 PAGE   := console/index.html console/vite.config.ts console/svelte.config.js console/tsconfig.json $(shell find console/src -type f)
 CPP_SOURCES = $(shell git ls-files '*.cpp' '*.hpp' '*.h' '*.c')
 

@@ -56,7 +56,8 @@ def test_an_engine_of_other_python_code_is_refused(interface: tuple[str, str] | 
     [
         ("link/engine_settings.py", "    baud: int\n", "    baud: float\n"),
         ("link/engine_settings.py", "    baud: int\n", ""),
-        ("protocol/model/messages.py", '    LATEST = "latest"', '    LATEST = "newest"'),
+        ("protocol/model/fields.py", '    TEXT = "text"', '    TEXT = "string"'),
+        ("protocol/tables.py", '"is_variable": field', '"varies": field'),
         ("_engine.pyi", "def begin_close(self)", "def begin_close(self, now: int)"),
     ],
 )
@@ -69,7 +70,7 @@ def test_another_field_needs_another_engine(tmp_path: Path, name: str, before: s
 def test_comments_and_functions_of_python_need_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     built = engine_interface.digest_of_shapes(package(tmp_path))
     edit(tmp_path / "link/engine_settings.py", "  # of silence that ends a frame", "")
-    edit(tmp_path / "protocol/model/messages.py", '"""', '"""More. ')
+    edit(tmp_path / "protocol/model/fields.py", '"""', '"""More. ')
     edit(tmp_path / "protocol/plan.py", "return ", "return None or ")
     monkeypatch.setattr(engine_interface, "_PACKAGE", tmp_path)
     engine_interface.verify(engine(("other bytes", built)))

@@ -7,8 +7,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "element.hpp"
-#include "fields.hpp"
+#include "python_values.hpp"
 
 namespace wirebond::engine {
 
@@ -182,7 +181,7 @@ std::unique_ptr<CdrCommand> CdrCommand::make(std::shared_ptr<const ProtocolTable
     command->values_.push_back(std::move(value));
   }
   command->constants_ = nb::cast<nb::dict>(nb::object(plan.attr("constants")));
-  command->header_ = encode_header(*format, nb::dict());
+  command->header_ = default_header(*format);
   command->protocol_ = std::move(protocol);
   command->format_ = std::move(format);
   return command;
@@ -226,10 +225,12 @@ nb::object CdrCommand::frame(nb::bytes data) const {
     fields[value.name] = given;
   }
   try {
-    const std::vector<std::uint8_t> wire =
-        seal_frame(*format_, *protocol_, message_, encode_fields(protocol_->messages()[message_], fields), header_);
+    const std::vector<std::uint8_t> wire = seal_frame(
+        *format_, *protocol_, message_, encode_fields<PythonValues>(protocol_->messages()[message_], fields), header_);
     return nb::bytes(reinterpret_cast<const char*>(wire.data()), wire.size());
-  } catch (nb::python_error& error) {  // the engine refuses it: Python reports why
+  } catch (const MessageError&) {  // Python reports why
+    return {};
+  } catch (nb::python_error& error) {
     if (!error.matches(PyExc_Exception)) throw;
     return {};
   }

@@ -10,10 +10,12 @@
 #include <utility>
 #include <vector>
 
-#include "header.hpp"
-#include "protocol.hpp"
+#include "wirebond/engine/header.hpp"
+#include "wirebond/engine/protocol.hpp"
 
 namespace wirebond::engine {
+
+namespace nb = nanobind;
 
 /// Makes the frame if everything is in order: whole bytes, finite values within their ranges, a message that can be
 /// encoded. All else is left to Python, which clamps, refuses, counts and reports why.

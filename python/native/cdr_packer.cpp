@@ -8,7 +8,8 @@
 #include <cstring>
 #include <type_traits>
 
-#include "element.hpp"
+#include "objects.hpp"
+#include "wirebond/engine/element.hpp"
 
 namespace wirebond::engine {
 
@@ -81,7 +82,7 @@ std::vector<std::pair<std::uint64_t, std::string>> read_choices(const FieldTable
       continue;
     }
     for (const auto& [enumerator, number] : field.enumerators) {
-      if (enumerator.equal(word)) out.emplace_back(number, bytes_of(bytes));
+      if (enumerator == name) out.emplace_back(number, bytes_of(bytes));
     }
   }
   return out;
@@ -153,7 +154,7 @@ bool CdrPacker::find(const std::vector<FieldTable>& fields, nb::handle path, Val
     if (i == steps.size()) return true;
     if (i + 1 != steps.size()) return false;
     for (const auto& [flag, bit] : found->flags) {
-      if (flag.equal(nb::object(steps[i]))) value.flag = static_cast<int>(bit);
+      if (flag == nb::cast<std::string>(nb::object(steps[i]))) value.flag = static_cast<int>(bit);
     }
     return value.flag >= 0;
   }

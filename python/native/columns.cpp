@@ -16,10 +16,9 @@
 #include <type_traits>
 #include <vector>
 
-#include "capture.hpp"
-#include "characters.hpp"
 #include "decoder.hpp"
-#include "fields.hpp"
+#include "python_values.hpp"
+#include "wirebond/engine/characters.hpp"
 
 namespace wirebond::engine {
 
@@ -117,7 +116,7 @@ void read_row(const std::vector<FieldTable>& fields, std::size_t place, Walk& wa
     if (field.digits) column.numbers.push_back(number_of(field, read_characters(field, here, walk)));
     if (!column.objects.is_valid()) continue;
     const std::uint64_t promised = field.is_variable ? counts.promised(field) : 0;
-    nb::borrow<nb::list>(column.objects).append(decode_field(field, here, promised, walk));
+    nb::borrow<nb::list>(column.objects).append(decode_field<PythonValues>(field, here, promised, walk));
   }
 }
 
@@ -393,8 +392,8 @@ nb::dict tables_of(const std::shared_ptr<const ProtocolTable>& protocol,
   out["messages"] = message_tables(*protocol, *format, std::move(capture));
   SequenceBook sequence(format);
   for (const SeenNumber& seen : capture.numbers) sequence.take(seen);
-  out["stats"] =
-      account_dict(capture.account, capture.unlisted, size, 0, *protocol, counts, *format, sequence.account());
+  out["stats"] = to_object(
+      account_node(capture.account, capture.unlisted, size, 0, *protocol, counts, *format, sequence.account()));
   return out;
 }
 
@@ -433,7 +432,7 @@ nb::dict message_tables(const ProtocolTable& protocol, const FormatTable& format
     nb::dict table;
     table["fields"] = fields;
     add_places(table, rows);
-    messages[message.key] = table;
+    messages[MessageObjects::of(message).name] = table;
   }
   Rows& unknown = capture.unknown;
   if (!unknown.offsets.empty()) {

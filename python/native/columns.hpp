@@ -9,10 +9,12 @@
 #include <utility>
 #include <vector>
 
-#include "capture.hpp"
-#include "protocol.hpp"
+#include "wirebond/engine/capture.hpp"
+#include "wirebond/engine/protocol.hpp"
 
 namespace wirebond::engine {
+
+namespace nb = nanobind;
 
 /// Return the tables of the found messages, by name: "messages" as below. Takes the rows, and leaves the rest of the
 /// capture. `with_empty`: also tables of messages that did not occur.

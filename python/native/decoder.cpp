@@ -6,20 +6,9 @@
 #include <cstring>
 #include <stdexcept>
 
-#include "fields.hpp"
-#include "header.hpp"
+#include "python_values.hpp"
 
 namespace wirebond::engine {
-
-namespace {
-
-// One row per Cause, in its order; the manual has the same names.
-constexpr const char* cause_names[cause_count] = {
-    "no_start",       "constant_mismatch", "length_out_of_range", "unknown_message", "header_check_mismatch",
-    "check_mismatch", "bad_stuffing",      "incomplete",
-};
-
-}  // namespace
 
 BufferView::BufferView(nb::handle object) {
   if (PyObject_CheckBuffer(object.ptr()) == 0) {
@@ -41,43 +30,13 @@ BufferView::BufferView(nb::handle object) {
   data_ = gathered_.data();
 }
 
-Event record(const Frame& frame, double time, Batch& batch) {
-  std::vector<std::uint8_t>& bytes = batch.bytes;
-  Event event;
-  event.wire_at = static_cast<std::uint32_t>(bytes.size());
-  event.wire_size = static_cast<std::uint32_t>(frame.wire_size);
-  bytes.insert(bytes.end(), frame.wire, frame.wire + frame.wire_size);
-  event.payload_size = static_cast<std::uint32_t>(frame.payload_size);
-  const Form& form = batch.format->format().forms[frame.form];
-  std::size_t padding = 0;
-  if (form.trims_zeros && frame.message >= 0) {
-    const std::size_t whole = batch.protocol->messages()[static_cast<std::size_t>(frame.message)].min_payload;
-    padding = whole > frame.payload_size ? whole - frame.payload_size : 0;
-  }
-  const bool in_place = frame.payload >= frame.wire && frame.payload < frame.wire + frame.wire_size && padding == 0;
-  if (in_place) {
-    event.payload_at = event.wire_at + static_cast<std::uint32_t>(frame.payload - frame.wire);
-  } else {  // unstuffed elsewhere, or zeros to restore
-    event.payload_at = static_cast<std::uint32_t>(bytes.size());
-    bytes.insert(bytes.end(), frame.payload, frame.payload + frame.payload_size);
-    bytes.insert(bytes.end(), padding, 0);
-    event.payload_size += static_cast<std::uint32_t>(padding);
-  }
-  event.form = frame.form;
-  event.header_at = static_cast<std::uint32_t>(batch.headers.size());
-  for (std::size_t i = 0; i < form.header_count; ++i) {
-    batch.headers.push_back(detail::read_wide(form.header[i].number, frame.bytes, frame.size));
-  }
-  event.id = frame.id;
-  event.message = frame.message;
-  event.offset = frame.offset;
-  event.time = time;
-  return event;
+nb::object Message::name() const {
+  return table() != nullptr ? MessageObjects::of(*table()).name : nb::object(nb::str("unknown"));
 }
 
-nb::object Message::name() const { return table() != nullptr ? table()->key : nb::object(nb::str("unknown")); }
-
-nb::object Message::sender() const { return table() != nullptr ? table()->sender : nb::object(nb::none()); }
+nb::object Message::sender() const {
+  return table() != nullptr ? MessageObjects::of(*table()).sender : nb::object(nb::none());
+}
 
 nb::bytes Message::raw() const {
   return nb::bytes(reinterpret_cast<const char*>(batch_->bytes.data() + event_.wire_at), event_.wire_size);
@@ -89,7 +48,8 @@ nb::bytes Message::payload() const {
 
 nb::object Message::fields() {
   if (!fields_.is_valid()) {
-    fields_ = table() != nullptr ? decode_fields(*table(), payload_bytes(), event_.payload_size) : nb::dict();
+    fields_ = table() != nullptr ? decode_fields<PythonValues>(*table(), payload_bytes(), event_.payload_size)
+                                 : nb::object(nb::dict());
   }
   return fields_;
 }
@@ -108,13 +68,13 @@ nb::object Message::field(nb::str name) {
 
 nb::list Message::violations() const {
   if (table() == nullptr) return nb::list();
-  nb::list found = find_violations(*table(), payload_bytes(), event_.payload_size);
+  std::vector<std::string> found = find_violations(*table(), payload_bytes(), event_.payload_size);
   add_header_violations(*batch_->format, event_.form, batch_->headers.data() + event_.header_at, found);
-  return found;
+  return to_list(found);
 }
 
-nb::dict Message::header() const {
-  return header_dict(*batch_->format, event_.form, batch_->headers.data() + event_.header_at);
+nb::object Message::header() const {
+  return decode_header<PythonValues>(*batch_->format, event_.form, batch_->headers.data() + event_.header_at);
 }
 
 nb::object Message::stamped(std::size_t place) {
@@ -131,42 +91,6 @@ nb::list to_list(const std::shared_ptr<Batch>& batch, const std::vector<Event>& 
   nb::list out;
   const std::shared_ptr<const Batch> shared = batch;
   for (const Event& event : events) out.append(nb::cast(Message(shared, event, stamper)));
-  return out;
-}
-
-nb::dict account_dict(const ByteAccount<std::uint64_t>& account, const UnlistedKinds& unlisted, std::uint64_t bytes,
-                      std::uint64_t pending, const ProtocolTable& protocol, const std::vector<std::uint64_t>& counts,
-                      const FormatTable& format, const SequenceAccount& sequence, const ForeignCounts& foreign) {
-  nb::dict discarded;
-  nb::dict rejected;
-  for (std::size_t i = 0; i < cause_count; ++i) {
-    discarded[cause_names[i]] = account.discarded_bytes[i];
-    rejected[cause_names[i]] = account.rejected_candidates[i];
-  }
-  nb::dict messages;
-  for (std::size_t i = 0; i < counts.size(); ++i) {
-    if (counts[i] != 0) messages[protocol.messages()[i].key] = counts[i];
-  }
-  nb::dict out;
-  out["bytes"] = bytes;
-  out["frames"] = account.frames;
-  out["unknown_frames"] = account.unknown_frames;
-  out["foreign_frames"] = foreign.frames;
-  out["foreign_bytes"] = foreign.bytes;
-  out["frame_bytes"] = account.frame_bytes;
-  out["fill_bytes"] = account.fill_bytes;
-  out["pending_bytes"] = pending;
-  out["discarded_bytes"] = discarded;
-  out["rejected_candidates"] = rejected;
-  out["messages"] = messages;
-  out["sequence"] = sequence_object(format, sequence);
-  nb::dict kinds;
-  for (std::size_t i = 0; i < unlisted.kind_count(); ++i) {
-    const UnlistedKinds::Kind& kind = unlisted.kind(i);
-    kinds[nb::make_tuple(kind.id, kind.bytes)] = kind.frames;
-  }
-  out["unlisted"] = kinds;
-  out["unlisted_frames"] = unlisted.frames();
   return out;
 }
 

@@ -8,38 +8,14 @@
 #include <optional>
 #include <vector>
 
-#include "protocol.hpp"
-#include "sequence_book.hpp"
+#include "objects.hpp"
+#include "wirebond/engine/account.hpp"
+#include "wirebond/engine/batch.hpp"
+#include "wirebond/engine/protocol.hpp"
+#include "wirebond/engine/sequence_book.hpp"
 #include "wirebond/host/addressing.hpp"
-#include "wirebond/stream_deframer.hpp"
-#include "wirebond/unlisted.hpp"
 
 namespace wirebond::engine {
-
-/// The bytes of all messages of one call; messages that point into it keep it alive.
-struct Batch {
-  std::shared_ptr<const ProtocolTable> protocol;
-  std::shared_ptr<const FormatTable> format;
-  std::vector<std::uint8_t> bytes;
-  std::vector<std::uint64_t> headers;  ///< bits of a frame's header fields, if the format has some
-};
-
-/// One frame that passed, before any Python object exists. Places are indexes in Batch::bytes.
-struct Event {
-  std::uint32_t wire_at = 0;
-  std::uint32_t wire_size = 0;
-  std::uint32_t payload_at = 0;
-  std::uint32_t payload_size = 0;
-  std::uint32_t id = 0;
-  std::int16_t message = -1;
-  std::uint8_t form = 0;
-  std::uint32_t header_at = 0;
-  std::uint64_t offset = 0;
-  double time = 0;
-};
-
-/// Append the frame's bytes to the batch and describe it. Needs no GIL.
-Event record(const Frame& frame, double time, Batch& batch);
 
 /// One message for Python. Fields are decoded at their first use.
 class Message {
@@ -55,7 +31,7 @@ class Message {
   nb::object fields();
   nb::object field(nb::str name);
   nb::list violations() const;
-  nb::dict header() const;
+  nb::object header() const;
   nb::object stamp() { return stamped(0); }
   nb::object stamp_error() { return stamped(1); }
   std::uint32_t id() const { return event_.id; }
@@ -91,25 +67,6 @@ class Message {
 /// Return messages of a batch as a Python list. Needs the GIL.
 nb::list to_list(const std::shared_ptr<Batch>& batch, const std::vector<Event>& events, const nb::object& stamper);
 
-/// Frames for another address: counted, and not delivered.
-struct ForeignCounts {
-  std::uint64_t frames = 0;
-  std::uint64_t bytes = 0;
-
-  void add(const Frame& frame) {
-    frames += 1;
-    bytes += frame.wire_size;
-  }
-};
-
-using HostDeframer = StreamDeframer<RuntimeSource, std::uint64_t, HostAccount>;
-
-/// Return statistics as a dict: bytes, frames, frame_bytes, unknown_frames, fill_bytes, pending_bytes, discarded_bytes
-/// and rejected_candidates by cause, messages by name, sequence; unlisted: how many by (id, bytes).
-nb::dict account_dict(const ByteAccount<std::uint64_t>& account, const UnlistedKinds& unlisted, std::uint64_t bytes,
-                      std::uint64_t pending, const ProtocolTable& protocol, const std::vector<std::uint64_t>& counts,
-                      const FormatTable& format, const SequenceAccount& sequence, const ForeignCounts& foreign = {});
-
 /// A format with its deframer. One thread at a time.
 class Decoder {
  public:
@@ -127,10 +84,11 @@ class Decoder {
   nb::list finish();
   /// Set the stamper of later messages; see Message.
   void set_stamper(nb::object stamper) { stamper_ = std::move(stamper); }
-  nb::dict stats() const {
+  /// See `account_node`.
+  nb::object stats() const {
     const HostAccount& account = deframer_.account();
-    return account_dict(account, account.unlisted.found(), deframer_.bytes(), deframer_.pending(), *protocol_, counts_,
-                        *format_, sequence_.account(), foreign_);
+    return to_object(account_node(account, account.unlisted.found(), deframer_.bytes(), deframer_.pending(), *protocol_,
+                                  counts_, *format_, sequence_.account(), foreign_));
   }
 
  private:

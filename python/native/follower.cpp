@@ -76,10 +76,10 @@ nb::dict Follower::idle(double t) {
 
 nb::dict Follower::tables() const { return message_tables(*protocol_, *format_, empty(), true); }
 
-nb::dict Follower::stats() const {
+nb::object Follower::stats() const {
   const HostAccount& account = deframer_.account();
-  return account_dict(account, account.unlisted.found(), deframer_.bytes(), deframer_.pending(), *protocol_, counts_,
-                      *format_, SequenceBook(format_).account());
+  return to_object(account_node(account, account.unlisted.found(), deframer_.bytes(), deframer_.pending(), *protocol_,
+                                counts_, *format_, SequenceBook(format_).account()));
 }
 
 void bind_follower(nb::module_& module) {

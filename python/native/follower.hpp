@@ -6,9 +6,9 @@
 #include <memory>
 #include <vector>
 
-#include "capture.hpp"
 #include "decoder.hpp"
-#include "protocol.hpp"
+#include "wirebond/engine/capture.hpp"
+#include "wirebond/engine/protocol.hpp"
 
 namespace wirebond::engine {
 
@@ -28,7 +28,7 @@ class Follower {
   /// Return how many bytes are settled: later ones may become a frame.
   std::uint64_t settled() const { return deframer_.bytes() - deframer_.pending(); }
   /// See `Decoder::stats`; without sequence numbers.
-  nb::dict stats() const;
+  nb::object stats() const;
 
  private:
   /// One sink for all functions that feed: the deframer is compiled again for each type of sink.

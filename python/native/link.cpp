@@ -16,6 +16,8 @@
 #include <cstring>
 #include <memory>
 
+#include "objects.hpp"
+#include "wirebond/engine/account.hpp"
 #include "without_gil.hpp"
 
 namespace wirebond::engine {
@@ -228,7 +230,7 @@ void Link::stop_repeating(std::int16_t message, std::optional<std::uint64_t> add
 }
 
 bool Link::note_safe(nb::tuple safe) {
-  StopFrame frame = stop_frame(safe);
+  StopFrame frame = stop_frame(to_node(safe));
   const std::lock_guard lock(mutex_);
   return core_.note_safe(std::move(frame));
 }
@@ -386,11 +388,7 @@ void Link::wake_after_caller(std::uint64_t us) {
 }
 
 /// With the GIL, and without a lock.
-nb::list Link::messages_of(const std::deque<Arrivals>& taken) const {
-  nb::list out;
-  for (const Arrivals& arrivals : taken) out.extend(to_list(arrivals.batch, arrivals.events, core_.stamper));
-  return out;
-}
+nb::list Link::messages_of(const std::deque<Arrivals>& taken) const { return to_list(taken, stamper_); }
 
 void Link::wake_callers() {
   arrived_.notify_all();
@@ -417,14 +415,14 @@ std::optional<LineReport> Link::line() {
   return line_;
 }
 
-nb::dict Link::stats() {
+nb::object Link::stats() {
   LinkAccount account;
   {
     const std::lock_guard lock(mutex_);
     account = core_.account();
   }
-  return to_dict(account, core_.protocol(),
-                 core_.receives());  // makes objects: a garbage collection may close another link, or this one
+  // This makes objects: a garbage collection may close another link, or this one.
+  return to_object(account_node(account, core_.protocol(), core_.receives()));
 }
 
 nb::tuple Link::recent() {

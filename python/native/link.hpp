@@ -14,7 +14,7 @@
 #include <thread>
 #include <vector>
 
-#include "link_core.hpp"
+#include "link_core_binding.hpp"
 #include "opener.hpp"
 #include "wirebond/posix/appearance.hpp"
 
@@ -69,7 +69,7 @@ class Link {
   /// Return deadlines that have struck or ended, ports that were opened and lost, since the last call.
   nb::list changes();
 
-  nb::dict stats();
+  nb::object stats();
   /// Return the last bytes of both directions. Copying the maximum holds the mutex for a tenth of a millisecond.
   nb::tuple recent();
   /// See LinkCore. A tap holds the mutex only while two vectors are swapped.
@@ -84,7 +84,7 @@ class Link {
   std::optional<LineReport> line();
   bool is_closed() const { return is_closed_.load(); }
   /// Set the stamper of received messages; see Message. Call it before any of them is taken.
-  void set_stamper(nb::object stamper) { core_.stamper = std::move(stamper); }
+  void set_stamper(nb::object stamper) { stamper_ = std::move(stamper); }
   std::vector<std::uint8_t> struck_deadlines();
   void recover_deadline(std::uint8_t action);
 
@@ -126,7 +126,8 @@ class Link {
   std::condition_variable unattended_;  ///< for `wait_unattended`
   bool is_attended_ = false;
   bool is_recalled_ = false;
-  LinkCore core_;
+  LinkCore core_;       ///< makes no Python object: that may run any Python code, which must not wait for the mutex
+  nb::object stamper_;  ///< of received messages; see Message
   posix::Descriptor port_;
   posix::Descriptor wakeup_;
   posix::Descriptor caller_wakeup_;

@@ -1,4 +1,6 @@
 // A LinkCore and its results as Python sees them. No rule of a link.
+#include "link_core_binding.hpp"
+
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
@@ -6,52 +8,35 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <deque>
-#include <memory>
 #include <optional>
 #include <utility>
 
-#include "link_core.hpp"
+#include "decoder.hpp"
+#include "objects.hpp"
+#include "wirebond/engine/account.hpp"
 
 namespace wirebond::engine {
 
-const char* name_of(HostLinkState state) {
-  switch (state) {
-    case HostLinkState::down: return "down";
-    case HostLinkState::stale: return "stale";
-    case HostLinkState::up: break;
-  }
-  return "up";
+namespace {
+
+/// A core whose messages are stamped.
+struct StampedCore : LinkCore {
+  using LinkCore::LinkCore;
+  nb::object stamper;  ///< of received messages; see Message
+};
+
+}  // namespace
+
+LinkSetup link_setup(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> receive,
+                     nb::handle settings) {
+  return link_setup(std::move(protocol), std::move(receive),
+                    nb::cast<std::shared_ptr<const FormatTable>>(nb::object(settings.attr("send"))),
+                    unpacked(nb::cast<nb::bytes>(settings.attr("table")())));
 }
 
-nb::dict to_dict(const LinkAccount& account, const ProtocolTable& protocol, const FormatTable& receive) {
-  nb::dict send;
-  send["offered"] = account.send.offered;
-  send["accepted"] = account.send.accepted;
-  send["refused_down"] = account.send.refused_down;
-  send["refused_full"] = account.send.refused_full;
-  send["refused_stopped"] = account.send.refused_stopped;
-  send["sent"] = account.send.sent;
-  send["sent_bytes"] = account.send.sent_bytes;
-  send["queued"] = account.send.queued;
-  send["replaced"] = account.send.replaced;
-  send["expired"] = account.send.expired;
-  send["overruled"] = account.send.overruled;
-  send["aborted"] = account.send.aborted;
-  nb::dict messages;
-  for (std::size_t i = 0; i < account.sent.size(); ++i) {
-    if (account.sent[i] != 0) messages[protocol.messages()[i].name.c_str()] = account.sent[i];
-  }
-  send["messages"] = messages;
-  nb::dict out = account_dict(account.receive, account.receive.unlisted.found(), account.bytes, account.pending,
-                              protocol, account.counts, receive, account.sequence, account.foreign);
-  out["send"] = send;
-  out["dropped_messages"] = account.dropped_messages;
-  out["late"] = account.not_acted.late;
-  out["held_back"] = account.not_acted.held_back;
-  out["reconnects"] = account.reconnects;
-  out["echoed_bytes"] = account.echoed;
-  out["collisions"] = account.collisions;
+nb::list to_list(const std::deque<Arrivals>& taken, const nb::object& stamper) {
+  nb::list out;
+  for (const Arrivals& arrivals : taken) out.extend(to_list(arrivals.batch, arrivals.events, stamper));
   return out;
 }
 
@@ -94,17 +79,17 @@ nb::list to_list(const std::deque<LinkChange>& changes) {
 }
 
 void bind_link_core(nb::module_& m) {
-  nb::class_<LinkCore>(m, "LinkCore", "A link under virtual time: every time is an argument, in microseconds.")
+  nb::class_<StampedCore>(m, "LinkCore", "A link under virtual time: every time is an argument, in microseconds.")
       .def(
           "__init__",
-          [](LinkCore* self, std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> receive,
-             nb::handle settings, std::uint64_t now) {
-            new (self) LinkCore(link_setup(std::move(protocol), std::move(receive), settings), now);
+          [](StampedCore* self, std::shared_ptr<const ProtocolTable> protocol,
+             std::shared_ptr<const FormatTable> receive, nb::handle settings, std::uint64_t now) {
+            new (self) StampedCore(link_setup(std::move(protocol), std::move(receive), settings), now);
           },
           nb::arg("protocol"), nb::arg("receive"), nb::arg("settings"), nb::arg("now"))
       .def(
           "send",
-          [](LinkCore& self, std::int16_t message, nb::bytes frame, std::int16_t reply, std::uint64_t now,
+          [](StampedCore& self, std::int16_t message, nb::bytes frame, std::int16_t reply, std::uint64_t now,
              bool takes_number, std::uint64_t address) {
             return answer_of(self.outbox().send(message, static_cast<const std::uint8_t*>(frame.data()), frame.size(),
                                                 reply, takes_number, now, address));
@@ -113,8 +98,8 @@ void bind_link_core(nb::module_& m) {
           nb::arg("address") = 0)
       .def(
           "repeat",
-          [](LinkCore& self, std::int16_t message, nb::bytes frame, double hold, std::int16_t reply, std::uint64_t now,
-             bool takes_number, std::uint64_t address) {
+          [](StampedCore& self, std::int16_t message, nb::bytes frame, double hold, std::int16_t reply,
+             std::uint64_t now, bool takes_number, std::uint64_t address) {
             const SendResult result =
                 self.outbox().repeat(message, static_cast<const std::uint8_t*>(frame.data()), frame.size(), reply,
                                      takes_number, to_us(hold), now, address);
@@ -124,107 +109,119 @@ void bind_link_core(nb::module_& m) {
           nb::arg("message"), nb::arg("frame"), nb::arg("hold"), nb::arg("reply"), nb::arg("now"),
           nb::arg("takes_number") = true, nb::arg("address") = 0)
       .def(
-          "note_safe", [](LinkCore& self, nb::tuple safe) { return self.note_safe(stop_frame(safe)); }, nb::arg("safe"))
+          "note_safe", [](StampedCore& self, nb::tuple safe) { return self.note_safe(stop_frame(to_node(safe))); },
+          nb::arg("safe"))
       .def(
           "end_safely",
-          [](LinkCore& self, std::int16_t message, std::uint64_t address) {
+          [](StampedCore& self, std::int16_t message, std::uint64_t address) {
             return self.outbox().end_safely(message, address);
           },
           nb::arg("message"), nb::arg("address"))
       .def(
           "end_if_moved",
-          [](LinkCore& self, std::int16_t message, std::uint64_t address) {
+          [](StampedCore& self, std::int16_t message, std::uint64_t address) {
             return self.outbox().end_if_moved(message, address);
           },
           nb::arg("message"), nb::arg("address"))
-      .def("hand_over_motion", [](LinkCore& self) { self.outbox().hand_over_motion(); })
-      .def("end_motion", [](LinkCore& self) { self.outbox().end_motion(); })
+      .def("hand_over_motion", [](StampedCore& self) { self.outbox().hand_over_motion(); })
+      .def("end_motion", [](StampedCore& self) { self.outbox().end_motion(); })
       .def(
-          "set_address", [](LinkCore& self, std::uint64_t address) { self.link().addressing().set_address(address); },
+          "set_address",
+          [](StampedCore& self, std::uint64_t address) { self.link().addressing().set_address(address); },
           nb::arg("address"))
       .def(
-          "listen_to_all", [](LinkCore& self, bool all) { self.link().addressing().listen_to_all(all); },
+          "listen_to_all", [](StampedCore& self, bool all) { self.link().addressing().listen_to_all(all); },
           nb::arg("all"))
       .def(
           "stop_repeating",
-          [](LinkCore& self, std::int16_t message, std::optional<std::uint64_t> address) {
+          [](StampedCore& self, std::int16_t message, std::optional<std::uint64_t> address) {
             if (address) return self.outbox().stop_repeating(message, *address);
             self.outbox().stop_repeating(message);
           },
           nb::arg("message"), nb::arg("address") = nb::none())
       .def(
           "stop",
-          [](LinkCore& self, std::uint64_t now) {
+          [](StampedCore& self, std::uint64_t now) {
             self.outbox().stop(now);
             self.note_changes(now, "stopped");
           },
           nb::arg("now"))
-      .def("release_stop", [](LinkCore& self) { self.outbox().release_stop(); })
-      .def("is_stopped", [](LinkCore& self) { return self.outbox().is_stopped(); })
-      .def("close", [](LinkCore& self) { self.outbox().close(); })
+      .def("release_stop", [](StampedCore& self) { self.outbox().release_stop(); })
+      .def("is_stopped", [](StampedCore& self) { return self.outbox().is_stopped(); })
+      .def("close", [](StampedCore& self) { self.outbox().close(); })
       .def(
           "end",
-          [](LinkCore& self, std::uint64_t now) {
+          [](StampedCore& self, std::uint64_t now) {
             self.note_changes(now, "closed");
             self.port_down(now, {});
             self.outbox().end();
           },
           nb::arg("now"))
-      .def("is_empty", [](LinkCore& self) { return self.outbox().is_empty(); })
-      .def("port_up", &LinkCore::port_up, nb::arg("now"))
-      .def("port_down", &LinkCore::port_down, nb::arg("now"), nb::arg("why") = "")
+      .def("is_empty", [](StampedCore& self) { return self.outbox().is_empty(); })
+      .def(
+          "port_up", [](StampedCore& self, std::uint64_t now) { self.port_up(now); }, nb::arg("now"))
+      .def(
+          "port_down", [](StampedCore& self, std::uint64_t now, const std::string& why) { self.port_down(now, why); },
+          nb::arg("now"), nb::arg("why") = "")
       .def(
           "received",
-          [](LinkCore& self, nb::bytes bytes, std::uint64_t before, std::uint64_t after) {
+          [](StampedCore& self, nb::bytes bytes, std::uint64_t before, std::uint64_t after) {
             self.received(static_cast<const std::uint8_t*>(bytes.data()), bytes.size(), before, after, true);
           },
           nb::arg("bytes"), nb::arg("before"), nb::arg("after"))
-      .def("idle", &LinkCore::idle, nb::arg("now"))
       .def(
-          "poll", [](LinkCore& self, std::uint64_t now) { self.poll(now); }, nb::arg("now"))
+          "idle", [](StampedCore& self, std::uint64_t now) { self.idle(now); }, nb::arg("now"))
+      .def(
+          "poll", [](StampedCore& self, std::uint64_t now) { self.poll(now); }, nb::arg("now"))
       .def(
           "to_write",
-          [](LinkCore& self, std::uint64_t now, bool together) {
+          [](StampedCore& self, std::uint64_t now, bool together) {
             const Outgoing out = self.to_write(now, together);
             return nb::bytes(reinterpret_cast<const char*>(out.bytes), out.size);
           },
           nb::arg("now"), nb::arg("together") = false)
       .def(
-          "hand_over", [](LinkCore& self, std::uint64_t now) { return self.hand_over(now); }, nb::arg("now"))
+          "hand_over",
+          [](StampedCore& self, std::uint64_t now) {
+            const std::vector<std::uint8_t> bytes = self.hand_over(now);
+            return nb::bytes(bytes.data(), bytes.size());
+          },
+          nb::arg("now"))
       .def(
-          "written", [](LinkCore& self, std::size_t size, std::uint64_t now) { self.written(size, now); },
+          "written", [](StampedCore& self, std::size_t size, std::uint64_t now) { self.written(size, now); },
           nb::arg("size"), nb::arg("now"))
-      .def("is_blocked", [](LinkCore& self) { return self.link().is_blocked(); })
+      .def("is_blocked", [](StampedCore& self) { return self.link().is_blocked(); })
       .def(
           "driver_holds",
-          [](LinkCore& self, std::size_t size, std::uint64_t now) { self.link().driver_holds(size, now); },
+          [](StampedCore& self, std::size_t size, std::uint64_t now) { self.link().driver_holds(size, now); },
           nb::arg("size"), nb::arg("now"))
       .def(
-          "next_due", [](LinkCore& self, std::uint64_t now) { return self.next_due(now); }, nb::arg("now"))
-      .def("has_arrivals", &LinkCore::has_arrivals)
-      .def("has_news", &LinkCore::has_news)
-      .def("set_stamper", [](LinkCore& self, nb::object stamper) { self.stamper = std::move(stamper); })
-      .def("changes", [](LinkCore& self) { return to_list(self.take_changes()); })
-      .def("receive",
-           [](LinkCore& self) {
-             nb::list out;
-             for (const Arrivals& arrivals : self.take())
-               out.extend(to_list(arrivals.batch, arrivals.events, self.stamper));
-             return out;
-           })
-      .def("recent", [](LinkCore& self) { return to_tuple(self.recent().copy()); })
-      .def("open_tap", &LinkCore::open_tap, nb::arg("capacity"), nb::arg("now"))
+          "next_due", [](StampedCore& self, std::uint64_t now) { return self.next_due(now); }, nb::arg("now"))
+      .def("has_arrivals", [](StampedCore& self) { return self.has_arrivals(); })
+      .def("has_news", [](StampedCore& self) { return self.has_news(); })
+      .def("set_stamper", [](StampedCore& self, nb::object stamper) { self.stamper = std::move(stamper); })
+      .def("changes", [](StampedCore& self) { return to_list(self.take_changes()); })
+      .def("receive", [](StampedCore& self) { return to_list(self.take(), self.stamper); })
+      .def("recent", [](StampedCore& self) { return to_tuple(self.recent().copy()); })
       .def(
-          "take_tap", [](LinkCore& self, int tap) { return to_tuple(self.take_tap(tap)); }, nb::arg("tap"))
-      .def("close_tap", &LinkCore::close_tap, nb::arg("tap"))
-      .def("note", &LinkCore::note, nb::arg("text"), nb::arg("now"))
-      .def("stats", [](LinkCore& self) { return to_dict(self.account(), self.protocol(), self.receives()); })
+          "open_tap",
+          [](StampedCore& self, std::size_t capacity, std::uint64_t now) { return self.open_tap(capacity, now); },
+          nb::arg("capacity"), nb::arg("now"))
       .def(
-          "state", [](LinkCore& self, std::uint64_t now) { return name_of(self.link().state(now)); }, nb::arg("now"))
-      .def("struck_deadlines", &LinkCore::struck_deadlines)
+          "take_tap", [](StampedCore& self, int tap) { return to_tuple(self.take_tap(tap)); }, nb::arg("tap"))
+      .def(
+          "close_tap", [](StampedCore& self, int tap) { self.close_tap(tap); }, nb::arg("tap"))
+      .def(
+          "note", [](StampedCore& self, const std::string& text, std::uint64_t now) { self.note(text, now); },
+          nb::arg("text"), nb::arg("now"))
+      .def("stats",
+           [](StampedCore& self) { return to_object(account_node(self.account(), self.protocol(), self.receives())); })
+      .def(
+          "state", [](StampedCore& self, std::uint64_t now) { return name_of(self.link().state(now)); }, nb::arg("now"))
+      .def("struck_deadlines", [](StampedCore& self) { return self.struck_deadlines(); })
       .def(
           "recover_deadline",
-          [](LinkCore& self, std::uint8_t action, std::uint64_t now) { self.recover_deadline(action, now); },
+          [](StampedCore& self, std::uint8_t action, std::uint64_t now) { self.recover_deadline(action, now); },
           nb::arg("action"), nb::arg("now"));
 }
 

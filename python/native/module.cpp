@@ -9,14 +9,13 @@
 #include "cdr_packer.hpp"
 #include "columns.hpp"
 #include "decoder.hpp"
-#include "fields.hpp"
 #include "follower.hpp"
-#include "header.hpp"
 #include "link.hpp"
-#include "link_core.hpp"
+#include "link_core_binding.hpp"
 #include "mcap_records.hpp"
+#include "objects.hpp"
 #include "packing.hpp"
-#include "protocol.hpp"
+#include "python_values.hpp"
 #include "wirebond/posix/latency.hpp"
 
 namespace nb = nanobind;
@@ -56,15 +55,15 @@ PyType_Slot message_slots[] = {
 nb::bytes encode(const ProtocolTable& protocol, const FormatTable& format, std::size_t index, nb::dict values,
                  nb::dict header, int form) {
   const MessageTable& message = protocol.messages().at(index);
-  const GivenHeader given = encode_header(format, header);
+  const GivenHeader given = encode_header<PythonValues>(format, header);
   const std::vector<std::uint8_t> wire =
-      seal_frame(format, protocol, index, encode_fields(message, values), given, form);
+      seal_frame(format, protocol, index, encode_fields<PythonValues>(message, values), given, form);
   return nb::bytes(reinterpret_cast<const char*>(wire.data()), wire.size());
 }
 
 /// Return one value for each header field of the format, by index.
 nb::list header_bits(const FormatTable& format, nb::dict header) {
-  const GivenHeader given = encode_header(format, header);
+  const GivenHeader given = encode_header<PythonValues>(format, header);
   nb::list out;
   for (std::size_t i = 0; i < format.header().size(); ++i) out.append(given.values[i]);
   return out;
@@ -78,8 +77,10 @@ NB_MODULE(_engine, m) {
   m.doc() = "Compiled engine of wirebond. Use the wirebond package; this module's names are private.";
   m.attr("interface") = nb::make_tuple(interface_bytes, interface_shapes);
 
-  nb::class_<ProtocolTable>(m, "ProtocolTable").def(nb::init<nb::handle>(), "protocol"_a);
-  nb::class_<FormatTable>(m, "FormatTable").def(nb::init<nb::handle>(), "plan"_a);
+  translate_errors();
+
+  nb::class_<ProtocolTable>(m, "ProtocolTable").def(nb::new_(&protocol_table), "table"_a);
+  nb::class_<FormatTable>(m, "FormatTable").def(nb::new_(&format_table), "table"_a);
 
   nb::class_<Message>(m, "Message", nb::type_slots(message_slots), "One frame that passed every check.")
       .def_prop_ro("name", &Message::name,

@@ -99,7 +99,7 @@ def cpp_folder(rules: Rules, relative: str) -> str:
 
 
 def _cpp_allowed(rules: Rules, path: Path, header: str, allowed: set[str]) -> bool:
-    folders = ["core/include", "sim/include", "firmware", "python/native"]
+    folders = ["core/include", "sim/include", "firmware", "engine/include", "python/native"]
     bases = [*(ROOT / "ports").glob("*/include"), *(ROOT / folder for folder in folders)]
     beside = [path.parent / header, path.parent.parent / header]
     for candidate in [*beside, *(base / header for base in bases)]:
@@ -218,7 +218,7 @@ def _is_private(name: str) -> bool:
 
 LONG = 450  # lines of a source file
 _SOURCES = {"core/include": "*.h*", "ports": "*.[hc]*", "sim": "*.[hc]pp", "firmware": "*.[hc]pp", "python": "*.py",
-            "python/native": "*.[hc]pp", "console/src": "*.[ts]*"}  # fmt: skip
+            "engine": "*.[hc]pp", "python/native": "*.[hc]pp", "console/src": "*.[ts]*"}  # fmt: skip
 
 
 def length_problems() -> list[str]:

@@ -10,14 +10,14 @@ interface: tuple[str, str]  # the digests of ``wirebond.engine_interface`` when 
 class ProtocolTable:
     """The messages of a protocol, as the engine reads and writes them. Any thread may use it."""
 
-    def __init__(self, protocol: object) -> None:
-        """:param protocol: a ``wirebond.protocol.model.Protocol``."""
+    def __init__(self, table: bytes) -> None:
+        """:param table: of ``wirebond.protocol.tables.protocol_table``."""
 
 class FormatTable:
     """The frame format of one end, or of both. Any thread may use it."""
 
-    def __init__(self, plan: object) -> None:
-        """:param plan: a ``wirebond.protocol.plan.Plan``."""
+    def __init__(self, table: bytes) -> None:
+        """:param table: of ``wirebond.protocol.tables.format_table``."""
 
 class Message:
     """One frame that passed every check. It does not change; use it from one thread at a time.

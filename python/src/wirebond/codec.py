@@ -88,9 +88,10 @@ def stats_from(raw: dict[str, Any]) -> Stats:
     """From what the engine gives."""
     sequence = raw.pop("sequence")
     if sequence is not None:
-        peers = {peer: SequenceCounts(**counts) for peer, counts in sequence.pop("peers").items()}
-        sequence = SequenceStats(**sequence, peers=peers)
-    return Stats(**raw, sequence=sequence)
+        peers = {peer: SequenceCounts(**counts) for peer, counts in sequence["peers"]}
+        sequence = SequenceStats(**{**sequence, "peers": peers})
+    unlisted = {(id, size): frames for id, size, frames in raw.pop("unlisted")}
+    return Stats(**raw, sequence=sequence, unlisted=unlisted)
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,9 @@ FILES = (
     "link/engine_settings.py",
     "protocol/model/fields.py",
     "protocol/model/frames.py",
-    "protocol/model/messages.py",
-    "protocol/model/protocol.py",
     "protocol/payload_rules.py",
     "protocol/plan.py",
+    "protocol/tables.py",
     "ros2/mapping/packing.py",
 )
 _PACKAGE = Path(__file__).resolve().parent
@@ -56,8 +55,11 @@ def digest_of_shapes(package: Path) -> str:
 
 
 def _shapes(text: str, with_functions: bool) -> Iterator[str]:
-    """The fields of each class, and its functions where only their types are there."""
+    """The fields of each class, its functions where only their types are there, and the names in tables."""
     parsed = ast.parse(text)
+    for node in ast.walk(parsed):
+        if isinstance(node, ast.Dict):
+            yield from (str(key.value) for key in node.keys if isinstance(key, ast.Constant))
     owners = [("", parsed.body), *((node.name, node.body) for node in parsed.body if isinstance(node, ast.ClassDef))]
     for owner, body in owners:
         for node in body:

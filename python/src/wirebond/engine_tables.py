@@ -13,6 +13,7 @@ from wirebond.protocol.apart import ends_look_alike
 from wirebond.protocol.model import End, HeaderField, Protocol
 from wirebond.protocol.planning import ids_collide, plan_for
 from wirebond.protocol.problems import no_message
+from wirebond.protocol.tables import format_table, protocol_table
 
 _NO_HEADER: dict[str, Any] = {}
 
@@ -30,7 +31,7 @@ class EngineTables:
         self._model = model
         self._formats: dict[End | None, _engine.FormatTable] = {}
         plan = plan_for(model, End.HOST)
-        self.protocol = _engine.ProtocolTable(model)
+        self.protocol = _engine.ProtocolTable(protocol_table(model))
         self.indices = {intern(message.name): i for i, message in enumerate(model.messages)}
         self.address = plan.address
         self.broadcasts = plan.broadcast
@@ -38,7 +39,7 @@ class EngineTables:
     def format_for(self, sender: End | None) -> _engine.FormatTable:
         """Return the engine's table for frames of this sender; None: of either."""
         if sender not in self._formats:
-            self._formats[sender] = _engine.FormatTable(plan_for(self._model, sender))
+            self._formats[sender] = _engine.FormatTable(format_table(plan_for(self._model, sender)))
         return self._formats[sender]
 
     def frame_of(

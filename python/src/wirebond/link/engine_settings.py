@@ -1,9 +1,11 @@
-"""What a link tells the engine when it opens, as the engine reads it: `link_setup` in native/link_setup.cpp."""
+"""What a link tells the engine when it opens, as the engine reads it: `link_setup` in engine/src/link_setup.cpp."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, NamedTuple
+
+import msgspec
 
 if TYPE_CHECKING:
     from wirebond._engine import FormatTable
@@ -80,3 +82,8 @@ class EngineSettings:
     peer_stops: tuple[EnginePeerStop, ...]  # the messages of the stop that the peer sends
     hold_back: bool
     recent_bytes: int  # of both directions that are kept for a dump
+
+    def table(self) -> bytes:
+        """All but ``send``, by name, in bytes (MessagePack)."""
+        members = (member.name for member in fields(self) if member.name != "send")
+        return msgspec.msgpack.encode({name: getattr(self, name) for name in members})

@@ -393,7 +393,7 @@ class Commands:
             return
         self._server.give()
         raw["dropped_messages"] = 0  # of this link; each client has its own
-        client.answer(number, {"ok": words.stats_to_json(raw)})
+        client.answer(number, {"ok": raw})
 
     def _must_hold(self, client: Client, name: str) -> None:
         holder = self._server.book.holder

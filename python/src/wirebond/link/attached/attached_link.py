@@ -254,9 +254,8 @@ class AttachedLink:
     def stats(self) -> dict[str, Any]:
         with self._owned():
             last = self._last_stats
-        raw = words.stats_from_json(self._call(words.Ask(what="stats")) if last is None else last)
-        raw["dropped_messages"] += self._dropped
-        return raw
+        raw = self._call(words.Ask(what="stats")) if last is None else last
+        return {**raw, "dropped_messages": raw["dropped_messages"] + self._dropped}
 
     def recent(self) -> tuple[list[tuple[str, int, bytes]], int]:
         pieces, dropped = self._call(words.Ask(what="recent"))

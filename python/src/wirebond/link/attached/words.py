@@ -332,19 +332,3 @@ class Control:
     holder: str | None = None
     is_own: bool = False
     released_by: str | None = None
-
-
-def stats_to_json(raw: dict[str, Any]) -> dict[str, Any]:
-    """The engine's account with keys that JSON can have."""
-    out = {**raw, "unlisted": [[*kind, frames] for kind, frames in raw["unlisted"].items()]}
-    if raw["sequence"] is not None:
-        out["sequence"] = {**raw["sequence"], "peers": list(raw["sequence"]["peers"].items())}
-    return out
-
-
-def stats_from_json(value: dict[str, Any]) -> dict[str, Any]:
-    """What `stats_to_json` was given."""
-    out = {**value, "unlisted": {(id, size): frames for id, size, frames in value["unlisted"]}}
-    if value["sequence"] is not None:
-        out["sequence"] = {**value["sequence"], "peers": {peer: counts for peer, counts in value["sequence"]["peers"]}}  # noqa: C416
-    return out

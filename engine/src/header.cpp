@@ -1,24 +1,17 @@
 // Header values and the choice of a form, with a sentence for each refusal of the core.
-#include "header.hpp"
-
-#include <nanobind/stl/string.h>
+#include "wirebond/engine/header.hpp"
 
 #include <algorithm>
 #include <cstdio>
 #include <string>
 
-#include "element.hpp"
 #include "wirebond/encoder.hpp"
+#include "wirebond/engine/element.hpp"
+#include "wirebond/engine/errors.hpp"
 
 namespace wirebond::engine {
 
 namespace {
-
-std::string names_of(const std::vector<FieldTable>& fields) {
-  std::string names;
-  for (const FieldTable& field : fields) names += (names.empty() ? "" : ", ") + field.name;
-  return names;
-}
 
 /// How the forms of a frame fit a message and header values.
 struct Answer {
@@ -124,16 +117,16 @@ std::uint32_t settle_match(const FormatTable& format, const MessageTable& messag
           test.of == MatchOf::size
               ? "the payload of " + message.name + " has " + std::to_string(payload.size()) + " bytes"
               : message.name + "." + match->names[begin] + " is " + number_text((number & test.mask));
-      throw_message_error(what + "; its frames are told by " + allowed_text(match->tests, begin) + " there");
+      throw MessageError(what + "; its frames are told by " + allowed_text(match->tests, begin) + " there");
     }
     if (test.of == MatchOf::id && !has_ids) continue;
     const std::size_t place = test.of == MatchOf::id ? id_place : test.place;
     std::uint64_t& value = header.values[place];
     if (!allows(value)) {
       if ((header.given >> place & 1u) != 0) {
-        throw_message_error("header." + format.header()[place].name + " is " + number_text(value) + "; frames of " +
-                            message.name + " have " + allowed_text(match->tests, begin) +
-                            (test.is_one ? ", which is sent by itself: leave it out" : ""));
+        throw MessageError("header." + format.header()[place].name + " is " + number_text(value) + "; frames of " +
+                           message.name + " have " + allowed_text(match->tests, begin) +
+                           (test.is_one ? ", which is sent by itself: leave it out" : ""));
       }
       value = (value & ~test.mask) | test.low;
     }
@@ -147,19 +140,19 @@ std::uint32_t settle_match(const FormatTable& format, const MessageTable& messag
                                 std::uint32_t id, std::size_t payload, const Answer& answer) {
   if (answer.id_differs) {
     const bool has_id = id != format.format().no_id;
-    throw_message_error(message.name + (has_id ? " has the id " + std::to_string(id) : " has no id") +
-                        ", and a frame with these header values has " + (has_id ? "none" : "one") +
-                        "; give header values that ask for " + (has_id ? "one" : "none") +
-                        ", or take another `when` for the id in the protocol file");
+    throw MessageError(message.name + (has_id ? " has the id " + std::to_string(id) : " has no id") +
+                       ", and a frame with these header values has " + (has_id ? "none" : "one") +
+                       "; give header values that ask for " + (has_id ? "one" : "none") +
+                       ", or take another `when` for the id in the protocol file");
   }
   if (answer.most_id >= 0 && id > answer.most_id) {
-    throw_message_error(message.name + " has the id " + number_text(id) +
-                        ", and a frame with these header values has room for ids up to " +
-                        std::to_string(answer.most_id) + "; give header values that ask for a wider one");
+    throw MessageError(message.name + " has the id " + number_text(id) +
+                       ", and a frame with these header values has room for ids up to " +
+                       std::to_string(answer.most_id) + "; give header values that ask for a wider one");
   }
   if (answer.agreed) {
-    throw_message_error("no form of the frame carries " + message.name + " with " + std::to_string(payload) +
-                        " payload bytes and these header values; see the conditions (`when`) in the protocol file");
+    throw MessageError("no form of the frame carries " + message.name + " with " + std::to_string(payload) +
+                       " payload bytes and these header values; see the conditions (`when`) in the protocol file");
   }
   std::string names;
   for (std::size_t i = 0; i < format.header().size(); ++i) {
@@ -167,52 +160,27 @@ std::uint32_t settle_match(const FormatTable& format, const MessageTable& messag
     const std::string& name = format.header()[i].name;
     names += (names.empty() ? "" : ", ") + name + (name == "magic" ? " " + number_text(header.values[i]) : "");
   }
-  throw_message_error("no form of the frame has the header fields " + names +
-                      " together; see the magics and the conditions (`when`) in the protocol file");
+  throw MessageError("no form of the frame has the header fields " + names +
+                     " together; see the magics and the conditions (`when`) in the protocol file");
 }
 
 }  // namespace
 
-nb::dict header_dict(const FormatTable& format, std::size_t form, const std::uint64_t* bits) {
-  const Form& shape = format.format().forms[form];
-  nb::dict out;
-  for (std::size_t i = 0; i < shape.header_count; ++i) {
-    const FieldTable& field = format.header()[shape.header[i].place];
-    const nb::object value = decode_element(field, bits[i]);
-    if (PyDict_SetItem(out.ptr(), field.key.ptr(), value.ptr()) != 0) throw nb::python_error();
-  }
-  return out;
-}
-
-void add_header_violations(const FormatTable& format, std::size_t form, const std::uint64_t* bits, nb::list& out) {
+void add_header_violations(const FormatTable& format, std::size_t form, const std::uint64_t* bits,
+                           std::vector<std::string>& out) {
   const Form& shape = format.format().forms[form];
   for (std::size_t i = 0; i < shape.header_count; ++i) {
     const FieldTable& field = format.header()[shape.header[i].place];
     const std::string fault = fault_of(field, bits[i]);
-    if (!fault.empty()) out.append(nb::str(("header." + field.name + fault).c_str()));
+    if (!fault.empty()) out.push_back("header." + field.name + fault);
   }
 }
 
-GivenHeader encode_header(const FormatTable& format, nb::dict header) {
+GivenHeader default_header(const FormatTable& format) {
   GivenHeader out;
   for (std::size_t i = format.format().form_count; i-- > 0;) {  // the first form, sent by default, has precedence
     const Form& form = format.format().forms[i];
     for (std::size_t j = 0; j < form.header_count; ++j) out.values[form.header[j].place] = form.header[j].default_value;
-  }
-  if (header.size() == 0) return out;
-  static const std::string owner = "header";
-  const Path whole{nullptr, owner};
-  const std::vector<FieldTable>& fields = format.header();
-  for (auto [key, value] : header) {
-    const auto found = std::find_if(fields.begin(), fields.end(),
-                                    [&key = key](const FieldTable& field) { return field.key.equal(key); });
-    if (found == fields.end()) {
-      throw_message_error("the header has no field " + shown(key) + "; it has " +
-                          (fields.empty() ? "none" : names_of(fields)));
-    }
-    const auto place = static_cast<std::size_t>(found - fields.begin());
-    out.values[place] = encode_element(*found, value, Path{&whole, found->name});
-    out.given |= std::uint32_t{1} << place;
   }
   return out;
 }
@@ -247,7 +215,7 @@ std::vector<std::uint8_t> seal_frame(const FormatTable& format, const ProtocolTa
   const MessageTable& message = protocol.messages()[index];
   const Answer answer = ask_forms(shape, id, payload.size(), header, form);
   if (answer.forms.empty()) refuse_header(format, message, header, id, payload.size(), answer);
-  throw_message_error(refusal(format, message, payload.size(), answer.forms));
+  throw MessageError(refusal(format, message, payload.size(), answer.forms));
 }
 
 }  // namespace wirebond::engine

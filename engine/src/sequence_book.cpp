@@ -1,7 +1,5 @@
-// Counts from the sequence numbers of received frames, for each peer: counted without Python, read as a dict.
-#include "sequence_book.hpp"
-
-#include "element.hpp"
+// Counts from the sequence numbers of received frames, for each peer.
+#include "wirebond/engine/sequence_book.hpp"
 
 namespace wirebond::engine {
 
@@ -36,34 +34,6 @@ SequenceAccount SequenceBook::account() const {
   SequenceAccount out;
   out.has_numbers = mask_ != 0;
   for (const auto& [address, peer] : peers_) out.peers.emplace_back(address, peer.counts);
-  return out;
-}
-
-namespace {
-
-nb::dict to_dict(const SequenceCounts<std::uint64_t>& counts) {
-  nb::dict out;
-  out["numbered"] = counts.numbered;
-  out["gaps"] = counts.gaps;
-  out["repeats"] = counts.repeats;
-  out["restarts"] = counts.restarts;
-  return out;
-}
-
-}  // namespace
-
-nb::object sequence_object(const FormatTable& format, const SequenceAccount& account) {
-  if (!account.has_numbers) return nb::none();
-  SequenceCounts<std::uint64_t> sum;
-  nb::dict peers;
-  for (const auto& [address, counts] : account.peers) {
-    sum.add(counts);
-    if (format.format().peer_place == no_header_field) continue;
-    const nb::object key = decode_element(format.header()[format.format().peer_place], address);
-    peers[key] = to_dict(counts);
-  }
-  nb::dict out = to_dict(sum);
-  out["peers"] = peers;
   return out;
 }
 

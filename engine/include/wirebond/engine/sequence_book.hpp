@@ -1,7 +1,5 @@
-// Counts from the sequence numbers of received frames, for each peer: counted without Python, read as a dict.
+// Counts from the sequence numbers of received frames, for each peer.
 #pragma once
-
-#include <nanobind/nanobind.h>
 
 #include <cstddef>
 #include <cstdint>
@@ -10,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "protocol.hpp"
+#include "wirebond/engine/protocol.hpp"
 #include "wirebond/examine.hpp"
 #include "wirebond/sequence.hpp"
 
@@ -23,7 +21,7 @@ struct SeenNumber {
   std::int16_t message = -1;
 };
 
-/// Read the frame's number. Returns false if it has none that is counted. Needs no GIL.
+/// Read the frame's number. Returns false if it has none that is counted.
 bool see_number(const FrameFormat& format, const Frame& frame, SeenNumber& seen);
 
 /// Counts of all peers, in the order in which they were first heard.
@@ -32,7 +30,7 @@ struct SequenceAccount {
   std::vector<std::pair<std::uint64_t, SequenceCounts<std::uint64_t>>> peers;
 };
 
-/// One thread at a time; no GIL.
+/// One thread at a time.
 class SequenceBook {
  public:
   static constexpr std::size_t max_peers = 4096;  ///< frames of further peers are not counted
@@ -58,9 +56,5 @@ class SequenceBook {
   std::unordered_map<std::uint64_t, std::size_t> places_;  ///< of peers
   std::vector<std::pair<std::uint64_t, Peer>> peers_;
 };
-
-/// Return None if the format has no sequence number, or its peers cannot be distinguished; otherwise the fields of
-/// `wirebond.SequenceStats`. With the GIL.
-nb::object sequence_object(const FormatTable& format, const SequenceAccount& account);
 
 }  // namespace wirebond::engine

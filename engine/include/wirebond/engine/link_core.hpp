@@ -1,7 +1,5 @@
-// A host's link with its memory, and its received messages in batches for Python: no thread, no port, no clock.
+// A host's link with its memory, and its received messages in batches: no thread, no port, no clock.
 #pragma once
-
-#include <nanobind/nanobind.h>
 
 #include <cstdint>
 #include <deque>
@@ -11,11 +9,12 @@
 #include <utility>
 #include <vector>
 
-#include "decoder.hpp"
-#include "link_setup.hpp"
-#include "protocol.hpp"
-#include "recent.hpp"
-#include "tap.hpp"
+#include "wirebond/engine/batch.hpp"
+#include "wirebond/engine/link_setup.hpp"
+#include "wirebond/engine/protocol.hpp"
+#include "wirebond/engine/recent.hpp"
+#include "wirebond/engine/sequence_book.hpp"
+#include "wirebond/engine/tap.hpp"
 #include "wirebond/host/host_echo.hpp"
 #include "wirebond/host/link.hpp"
 
@@ -52,11 +51,7 @@ struct LinkAccount {
   std::uint64_t collisions = 0;  ///< frames that did not come back as they were sent
 };
 
-/// Return the fields of `wirebond.LinkStats`. With the GIL, and without a lock.
-nb::dict to_dict(const LinkAccount& account, const ProtocolTable& protocol, const FormatTable& receive);
-
-/// One thread at a time. Makes no Python object: that may run any Python code (garbage collection), which must not
-/// happen while a lock is held.
+/// One thread at a time.
 class LinkCore {
  public:
   static constexpr std::size_t max_queued_bytes = 65536;
@@ -66,9 +61,6 @@ class LinkCore {
   /// How late this computer may hear an echo: a longer wait only delays the report of a collision.
   static constexpr std::uint64_t scheduling_us = 100'000;
   static constexpr std::size_t max_waiting_changes = 1024;  ///< beyond, the oldest are dropped
-
-  /// Stamper of received messages; see Message. Needs the GIL.
-  nb::object stamper;
 
   LinkCore(LinkSetup setup, std::uint64_t now_us);
   LinkCore(const LinkCore&) = delete;
@@ -98,19 +90,19 @@ class LinkCore {
 
   /// Return the bytes that may be written now, for a driver that writes while others send: all but the last byte count
   /// as written, so that the frame counts as begun. That byte follows with `written(1)` when the port has taken all. A
-  /// single byte counts at once, and nothing follows. With the GIL.
-  nb::bytes hand_over(std::uint64_t now_us);
+  /// single byte counts at once, and nothing follows.
+  std::vector<std::uint8_t> hand_over(std::uint64_t now_us);
 
   bool has_arrivals() const { return !arrivals_.empty(); }
   bool has_changes() const { return !changes_.empty(); }
   bool has_news() const { return has_arrivals() || has_changes(); }
-  /// Return all messages that came and were not taken; without the GIL.
+  /// Return all messages that came and were not taken.
   std::deque<Arrivals> take();
   std::deque<LinkChange> take_changes() { return std::exchange(changes_, {}); }
 
   /// Keep all reads, writes and events from now on for `take_tap`, up to this many bytes.
   int open_tap(std::size_t capacity, std::uint64_t now_us);
-  /// Returns nothing for a number that is not open. Without the GIL.
+  /// Returns nothing for a number that is not open.
   TapCopy take_tap(int number);
   void close_tap(int number);
   /// Add a program's own text to all taps.
@@ -191,21 +183,16 @@ class LinkCore {
   bool was_up_ = false;
 };
 
-/// Register `LinkCore` with Python, with times in microseconds as arguments, for tests under virtual time.
-void bind_link_core(nb::module_& m);
-
-/// Return ``[(kind, before, t, bytes), …]``, and the losses since the last time: pieces, received bytes, sent bytes.
-nb::tuple to_tuple(const TapCopy& taken);
-
-/// Return ``(kind, t, bytes)`` for each piece, times in microseconds, and how many bytes were dropped. With the GIL, no
-/// lock.
-nb::tuple to_tuple(const RecentCopy& recent);
-
-/// Return ``(kind, t, action)`` for each, times in microseconds. With the GIL, no lock.
-nb::list to_list(const std::deque<LinkChange>& changes);
-
 /// Return 0 to 3 in the order of SendResult.
 inline int answer_of(SendResult result) { return static_cast<int>(result); }
-const char* name_of(HostLinkState state);
+
+inline const char* name_of(HostLinkState state) {
+  switch (state) {
+    case HostLinkState::down: return "down";
+    case HostLinkState::stale: return "stale";
+    case HostLinkState::up: break;
+  }
+  return "up";
+}
 
 }  // namespace wirebond::engine

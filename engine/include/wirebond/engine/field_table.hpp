@@ -1,10 +1,10 @@
-// A message's layout as tables, made from wirebond.protocol.model.layout. Bytes belong to element and fields.
+// A message's layout as tables, read from those that wirebond.protocol.tables makes. Bytes belong to element and
+// fields.
 #pragma once
-
-#include <nanobind/nanobind.h>
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -13,10 +13,9 @@
 #include "wirebond/bits.hpp"
 #include "wirebond/bytes.hpp"
 #include "wirebond/digits.hpp"
+#include "wirebond/engine/node.hpp"
 
 namespace wirebond::engine {
-
-namespace nb = nanobind;
 
 /// Bit fields are a structure whose fields are loaded from the same bytes. Tables contain no padding.
 enum class FieldKind : std::uint8_t { integer, floating, boolean, text, bytes, structure };
@@ -41,7 +40,6 @@ struct Counter {
 /// and `addend` of a float always.
 struct FieldTable {
   std::string name;
-  nb::object key;  ///< the name, interned
   FieldKind kind = FieldKind::integer;
   Repeat repeat = Repeat::once;
 
@@ -84,13 +82,15 @@ struct FieldTable {
   double accepted_least = 0;  ///< minimum and maximum as the wire carries them: see `Field.accepted_limits`
   double accepted_most = 0;
   bool has_default = false;
-  nb::object default_value;
+  Node default_value;
   bool has_enum = false;
-  std::vector<std::pair<nb::object, std::uint64_t>> enumerators;  ///< name, value (two's complement in 64 bits)
+  std::vector<std::pair<std::string, std::uint64_t>> enumerators;  ///< name, value (two's complement in 64 bits)
   bool has_flags = false;
-  std::vector<std::pair<nb::object, unsigned>> flags;  ///< name, bit
+  std::vector<std::pair<std::string, unsigned>> flags;  ///< name, bit
 
   std::vector<FieldTable> fields;  ///< of a structure
+
+  std::shared_ptr<const void> kept;  ///< what a language keeps for this field, such as its names as objects; or null
 
   bool is_string() const { return kind == FieldKind::text || kind == FieldKind::bytes; }
 
@@ -98,10 +98,10 @@ struct FieldTable {
   bool is_characters() const { return is_string() || digits.has_value(); }
 };
 
-/// Return tables of the steps of a wirebond.protocol.model.layout that have a value. Needs the GIL.
-std::vector<FieldTable> read_steps(nb::handle steps);
+/// Return tables of these steps of a layout.
+std::vector<FieldTable> read_steps(const Node& steps);
 
-/// Return tables of numbers without places, such as header fields. Needs the GIL.
-std::vector<FieldTable> read_numbers(nb::handle fields);
+/// Return tables of numbers without places, such as header fields.
+std::vector<FieldTable> read_numbers(const Node& fields);
 
 }  // namespace wirebond::engine

@@ -8,8 +8,8 @@
 #include <limits>
 #include <vector>
 
-#include "element.hpp"
-#include "field_table.hpp"
+#include "wirebond/engine/element.hpp"
+#include "wirebond/engine/field_table.hpp"
 
 namespace wirebond::engine {
 

@@ -1,7 +1,5 @@
-// A link's settings from the protocol file and the port, as Python gives them: values only.
+// A link's settings from the protocol file and the port: values only.
 #pragma once
-
-#include <nanobind/nanobind.h>
 
 #include <cmath>
 #include <cstddef>
@@ -9,7 +7,8 @@
 #include <memory>
 #include <vector>
 
-#include "protocol.hpp"
+#include "wirebond/engine/node.hpp"
+#include "wirebond/engine/protocol.hpp"
 #include "wirebond/host/link.hpp"
 
 namespace wirebond::engine {
@@ -54,12 +53,12 @@ struct LinkSetup {
   std::size_t recent_bytes = 65536;     ///< maximum kept for `recent`, of both directions
 };
 
-/// `settings`: an `EngineSettings` of Python.
+/// `settings`: the fields of `EngineSettings` in wirebond.link.engine_settings, by name.
 LinkSetup link_setup(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> receive,
-                     nb::handle settings);
+                     std::shared_ptr<const FormatTable> send, const Node& settings);
 
-/// Convert a `SafeValue` of Python.
-StopFrame stop_frame(nb::handle safe);
+/// `safe`: the values of `SafeValue` in wirebond.link.engine_settings, in their order.
+StopFrame stop_frame(const Node& safe);
 
 inline std::uint64_t to_us(double seconds) { return static_cast<std::uint64_t>(std::llround(seconds * 1e6)); }
 

@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "protocol.hpp"
-#include "sequence_book.hpp"
+#include "wirebond/engine/protocol.hpp"
+#include "wirebond/engine/sequence_book.hpp"
 #include "wirebond/stream_deframer.hpp"
 #include "wirebond/unlisted.hpp"
 

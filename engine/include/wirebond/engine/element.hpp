@@ -1,15 +1,13 @@
-// One number among a payload's bytes, and its Python value. The caller gives its place in the payload.
+// One number among a payload's bytes, and the rules for its value. The caller gives its place in the payload.
 #pragma once
-
-#include <nanobind/nanobind.h>
 
 #include <cstddef>
 #include <cstdint>
 #include <string>
 
-#include "field_table.hpp"
 #include "wirebond/bits.hpp"
 #include "wirebond/bytes.hpp"
+#include "wirebond/engine/field_table.hpp"
 
 namespace wirebond::engine {
 
@@ -94,25 +92,55 @@ inline double to_si(const FieldTable& field, double wire) {
 /// Return the number of a float field.
 double float_of(const FieldTable& field, std::uint64_t raw);
 
-/// Return the value as the Python API gives it. Needs the GIL.
-nb::object decode_element(const FieldTable& field, std::uint64_t raw);
+/// Convert back: the value that `to_si` would convert to this one, if it were a number on the wire.
+inline double from_si(const FieldTable& field, double si) {
+  if (field.kind != FieldKind::floating) {
+    return ((si - field.offset) * field.denominator - field.addend) / field.numerator;
+  }
+  return (field.offset == 0 ? si : si - field.offset) * field.denominator / field.numerator;
+}
 
-/// Return the fault of a received value, to follow its path in a sentence; empty if there is none. Needs the GIL.
+/// Return the index of the enumerator for this number (two's complement in 64 bits); -1: there is none.
+inline std::ptrdiff_t enumerator_of(const FieldTable& field, std::uint64_t whole) {
+  for (std::size_t i = 0; i < field.enumerators.size(); ++i) {
+    if (field.enumerators[i].second == whole) return static_cast<std::ptrdiff_t>(i);
+  }
+  return -1;
+}
+
+/// Return the fault of a received value, to follow its path in a sentence; empty if there is none.
 std::string fault_of(const FieldTable& field, std::uint64_t raw);
 
-/// Return the bits of a value. Throws MessageError with a sentence about `path`. Needs the GIL.
-std::uint64_t encode_element(const FieldTable& field, nb::handle value, const Path& path);
+// ---- values to send: each throws MessageError with a sentence about `path`
 
-/// Throw "path is value (type); expected …" as a MessageError.
-[[noreturn]] void wrong_type(const Path& path, nb::handle value, const std::string& expected);
+/// Check that the value is finite and within the field's range.
+void check_number(const FieldTable& field, double value, const Path& path);
 
-/// Raise wirebond.errors.MessageError.
-[[noreturn]] void throw_message_error(const std::string& text);
+/// Return the bits of a float's value.
+std::uint64_t float_bits(const FieldTable& field, double value, const Path& path);
 
-/// Return a value's `repr`, shortened. Never raises: Python cannot print an integer of more than 4 300 digits.
-std::string shown(nb::handle value);
+/// Throw that the value does not fit the wire type.
+[[noreturn]] void does_not_fit(const FieldTable& field, const std::string& shown, const Path& path);
 
-/// Return an owned reference; throws Python's exception if there is none.
-nb::object steal(PyObject* object);
+/// Return the whole number on the wire of a scaled value, in two's complement of 64 bits, and whether it fits.
+bool scaled_whole(const FieldTable& field, double value, std::uint64_t& whole);
+
+/// Return the field's bits for a number that fits.
+inline std::uint64_t bits_of_whole(const FieldTable& field, std::uint64_t whole) {
+  return bits_of_number(whole, field.width, field.coding);
+}
+
+/// Return the names in their order, for a sentence.
+template <class Named>
+std::string names_of(const std::vector<Named>& named) {
+  std::string out;
+  for (const auto& [name, number] : named) out += (out.empty() ? "" : ", ") + name;
+  return out;
+}
+inline std::string names_of(const std::vector<FieldTable>& fields) {
+  std::string out;
+  for (const FieldTable& field : fields) out += (out.empty() ? "" : ", ") + field.name;
+  return out;
+}
 
 }  // namespace wirebond::engine

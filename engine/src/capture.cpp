@@ -11,7 +11,7 @@
 // into the next part until it ends a frame at one of the landmarks. From there on the next part's results count; its
 // results before the landmark are dropped, and the counts that it had there are subtracted. A part without a common
 // landmark is decoded again from the part before: slower, but equally correct.
-#include "capture.hpp"
+#include "wirebond/engine/capture.hpp"
 
 #include <algorithm>
 #include <cmath>

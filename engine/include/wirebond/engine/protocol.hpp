@@ -1,23 +1,21 @@
-// The engine's tables of one protocol: its messages' fields, made from wirebond.protocol.model. Format and frames
-// belong to core.
+// The engine's tables of one protocol: its messages' fields and its frame format, read from what
+// wirebond.protocol.tables makes. Format and frames belong to core.
 #pragma once
 
-#include <nanobind/nanobind.h>
-
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <memory>
 #include <string>
 #include <vector>
 
-#include "field_table.hpp"
+#include "wirebond/engine/field_table.hpp"
+#include "wirebond/engine/node.hpp"
 #include "wirebond/format.hpp"
 #include "wirebond/host/runtime_source.hpp"
 #include "wirebond/payload_rules.hpp"
 
 namespace wirebond::engine {
-
-namespace nb = nanobind;
 
 /// The rules over one message's payload.
 struct PayloadTable {
@@ -41,21 +39,24 @@ struct MatchTable {
 
 struct MessageTable {
   std::string name;
-  nb::object key;
-  nb::object sender;  ///< "host", "mcu" or "both"
+  std::string sender;  ///< "host", "mcu" or "both"
   std::size_t min_payload = 0;
   std::size_t max_payload = 0;
   std::vector<FieldTable> fields;
   std::vector<PayloadConstant> constants;  ///< among its fields
+  std::shared_ptr<const void> kept;        ///< see FieldTable::kept
 };
 
-/// Immutable after construction; needs the GIL only where it makes Python objects.
+/// Does not change once it is shared.
 class ProtocolTable {
  public:
-  explicit ProtocolTable(nb::handle protocol);
+  /// `protocol`: see `protocol_table` in wirebond.protocol.tables.
+  explicit ProtocolTable(const Node& protocol);
 
   const std::string& name() const { return name_; }
   const std::vector<MessageTable>& messages() const { return messages_; }
+  /// For a language that keeps something for messages and fields, before the table is shared.
+  std::vector<MessageTable>& messages() { return messages_; }
   /// Return the index of the message of this name; -1 if there is none.
   int find(const std::string& name) const;
 
@@ -64,10 +65,11 @@ class ProtocolTable {
   std::vector<MessageTable> messages_;
 };
 
-/// A frame format from a wirebond.protocol.plan.Plan, with everything that RuntimeSource points to.
+/// A frame format from a plan, with everything that RuntimeSource points to. Does not change once it is shared.
 class FormatTable {
  public:
-  explicit FormatTable(nb::handle plan);
+  /// `plan`: see `format_table` in wirebond.protocol.tables.
+  explicit FormatTable(const Node& plan);
   FormatTable(const FormatTable&) = delete;
   FormatTable& operator=(const FormatTable&) = delete;
 
@@ -81,6 +83,7 @@ class FormatTable {
   int id_place() const { return id_place_; }
   /// Return the meaning of the header fields of all forms, by index.
   const std::vector<FieldTable>& header() const { return header_; }
+  std::vector<FieldTable>& header() { return header_; }
 
  private:
   FrameFormat format_;

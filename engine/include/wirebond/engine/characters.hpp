@@ -5,9 +5,9 @@
 #include <cstdint>
 #include <optional>
 
-#include "field_table.hpp"
-#include "walk.hpp"
 #include "wirebond/digits.hpp"
+#include "wirebond/engine/field_table.hpp"
+#include "wirebond/engine/walk.hpp"
 
 namespace wirebond::engine {
 

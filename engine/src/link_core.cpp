@@ -1,5 +1,5 @@
-// A host's link with its memory, and its received messages in batches for Python: no thread, no port, no clock.
-#include "link_core.hpp"
+// A host's link with its memory, and its received messages in batches: no thread, no port, no clock.
+#include "wirebond/engine/link_core.hpp"
 
 #include <algorithm>
 #include <iterator>
@@ -310,9 +310,9 @@ std::deque<Arrivals> LinkCore::take() {
   return std::exchange(arrivals_, {});
 }
 
-nb::bytes LinkCore::hand_over(std::uint64_t now_us) {
+std::vector<std::uint8_t> LinkCore::hand_over(std::uint64_t now_us) {
   const Outgoing out = to_write(now_us);
-  const nb::bytes bytes(reinterpret_cast<const char*>(out.bytes), out.size);
+  std::vector<std::uint8_t> bytes(out.bytes, out.bytes + out.size);
   if (out.size != 0) written(std::max<std::size_t>(out.size - 1, 1), now_us);
   return bytes;
 }
