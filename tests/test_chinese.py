@@ -193,8 +193,8 @@ def test_no_english_sentence_stands_twice() -> None:
 
 
 def test_each_reason_for_which_a_repeated_message_ends_has_words_in_both_languages() -> None:
-    native = PACKAGE.parents[1] / "native"
-    sources = [*native.glob("*.cpp"), *native.glob("*.hpp")]
+    folders = (ROOT / "engine", PACKAGE.parents[1] / "native")
+    sources = [path for folder in folders for path in folder.rglob("*.[ch]pp")]
     calls = "\n".join(path.read_text("utf-8") for path in sources)
     reasons = set(re.findall(r'note_changes\([^;]*"(\w+)"', calls)) | {"ended"}
     assert reasons >= {"expired", "stopped", "closed"}

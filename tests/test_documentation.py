@@ -448,7 +448,7 @@ def tour_paths(text: str) -> set[str]:
 
 def test_the_tour_names_files_where_they_are() -> None:
     text = without_blocks(ROOT / "docs" / "TOUR.md")
-    roots = ("", "core/include/wirebond", "python", "python/src/wirebond")
+    roots = ("", "core/include/wirebond", "engine/include/wirebond", "python", "python/src/wirebond")
     stated = re.search(r"Paths begin at the root of the repository, or in (.*?)\.", text, re.DOTALL)
     assert stated is not None and tuple(re.findall(r"`([\w/]+?)/`", stated[1])) == roots[1:]
     named = tour_paths(text)

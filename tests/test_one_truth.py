@@ -15,6 +15,7 @@ from wirebond import Codec, _engine
 from wirebond.analysis.explain import examine
 from wirebond.protocol import loads, plan, planning
 from wirebond.protocol.model import End, cobs_overhead
+from wirebond.protocol.tables import format_table, protocol_table
 
 CORE = ROOT / "core" / "include"
 LIMITS = ("constants", "checks", "forms", "algorithms", "header_fields", "escapes", "exclusions", "insertion")
@@ -169,7 +170,7 @@ def test_causes_have_the_same_names_in_the_same_order_everywhere() -> None:
 def test_the_engine_refuses_words_that_it_does_not_know(change: dict[str, str]) -> None:
     """A check of an unknown kind was taken for an exclusive-or."""
     known = planning.plan_for(codec("enterprize").model, End.HOST)
-    _engine.FormatTable(known)
+    _engine.FormatTable(format_table(known))
     if "algorithms" in change:
         changed = replace(known, algorithms=(replace(known.algorithms[0], kind="sum9"), *known.algorithms[1:]))
     elif change.get("forms") == "payload":
@@ -180,7 +181,7 @@ def test_the_engine_refuses_words_that_it_does_not_know(change: dict[str, str]) 
     else:
         changed = replace(known, **change)
     with pytest.raises(RuntimeError, match="the engine has no "):
-        _engine.FormatTable(changed)
+        _engine.FormatTable(format_table(changed))
 
 
 @pytest.mark.parametrize(("key", "word"), [("kind", "complex"), ("order", "middle"), ("packed", "both")])
@@ -189,4 +190,4 @@ def test_the_engine_refuses_fields_that_it_does_not_know(key: str, word: str) ->
     message = next(m for m in model.messages if m.fields)
     field = replace(message.fields[0], **{"count": 2, key: word})
     with pytest.raises(RuntimeError, match="the engine has no "):
-        _engine.ProtocolTable(replace(model, messages=(replace(message, fields=(field,)),)))
+        _engine.ProtocolTable(protocol_table(replace(model, messages=(replace(message, fields=(field,)),))))

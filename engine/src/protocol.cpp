@@ -241,8 +241,8 @@ FormatTable::FormatTable(const Node& plan) {
   format_.deliver_unknown = plan["deliver_unknown"].as<bool>();
   const Node& insertion = plan["insertion"];
   if (!insertion.is_none()) {
-    for (const Node& byte : insertion["after"].list()) {
-      format_.insertion.after.at(format_.insertion.size++) = byte.as<std::uint8_t>();
+    for (const std::uint8_t byte : insertion["after"].bytes()) {
+      format_.insertion.after.at(format_.insertion.size++) = byte;
     }
     format_.insertion.byte = insertion["byte"].as<std::uint8_t>();
   }

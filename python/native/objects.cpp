@@ -59,8 +59,9 @@ Node to_node(nb::handle object) {
   if (object.is_none()) return {};
   if (PyBool_Check(at)) return Node(at == Py_True);
   if (PyLong_Check(at)) {
-    const bool is_negative = nb::cast<bool>(object < nb::int_(0));
-    return is_negative ? Node(nb::cast<std::int64_t>(object)) : Node(nb::cast<std::uint64_t>(object));
+    int overflow = 0;
+    const long long number = PyLong_AsLongLongAndOverflow(at, &overflow);
+    return overflow == 0 ? Node(number) : Node(nb::cast<std::uint64_t>(object));
   }
   if (PyFloat_Check(at)) return Node(PyFloat_AS_DOUBLE(at));
   if (PyUnicode_Check(at)) {

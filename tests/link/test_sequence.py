@@ -165,4 +165,4 @@ def test_the_link_counts_what_is_missing_of_the_other_ends_frames() -> None:
     for number in (250, 251, 254, 254, 3, 200, 201):
         link.answer(codec.encode("pose", header={"sequence": number}))
     stats: dict[str, Any] = link.stats()
-    assert stats["sequence"] == {"numbered": 7, "gaps": 2 + 4, "repeats": 1, "restarts": 1, "peers": {}}
+    assert stats["sequence"] == {"numbered": 7, "gaps": 2 + 4, "repeats": 1, "restarts": 1, "peers": []}

@@ -20,6 +20,24 @@ class Node {
   using List = std::vector<Node>;
   using Map = std::vector<std::pair<std::string, Node>>;
 
+ private:
+  [[noreturn]] static void refuse(const char* wanted) {
+    throw std::logic_error(std::string("a table of the engine has no ") + wanted + " where one is expected");
+  }
+
+  template <class Kind>
+  const Kind& get(const char* kind) const {
+    const Kind* const found = std::get_if<Kind>(&value_);
+    if (found == nullptr) refuse(kind);
+    return *found;
+  }
+  template <class Visit>
+  auto visit_integer(Visit visit) const {
+    if (const auto* const number = std::get_if<std::int64_t>(&value_)) return visit(*number);
+    return visit(get<std::uint64_t>("integer"));
+  }
+
+ public:
   Node() = default;
   Node(bool value) : value_(value) {}
   Node(double value) : value_(value) {}
@@ -83,7 +101,11 @@ class Node {
 
   /// Return the value of this key. Throws std::logic_error if there is none, or this is no map.
   const Node& operator[](const char* key) const;
-  const Node& operator[](std::size_t place) const { return list().at(place); }
+  /// Return an element of a list. Throws std::out_of_range if there is none.
+  template <class Place, std::enable_if_t<std::is_integral_v<Place>, int> = 0>
+  const Node& operator[](Place place) const {
+    return list().at(static_cast<std::size_t>(place));
+  }
   /// Return the value of this key; null if there is none.
   const Node* find(const std::string& key) const;
   /// Append to a map.
@@ -100,25 +122,11 @@ class Node {
       value_ = value;
     }
   }
-  template <class Visit>
-  auto visit_integer(Visit visit) const {
-    if (const auto* const number = std::get_if<std::int64_t>(&value_)) return visit(*number);
-    return visit(get<std::uint64_t>("integer"));
-  }
-  template <class Kind>
-  const Kind& get(const char* kind) const {
-    const Kind* const found = std::get_if<Kind>(&value_);
-    if (found == nullptr) refuse(kind);
-    return *found;
-  }
   template <class Kind>
   Kind& get_own(const char* kind) {
     Kind* const found = std::get_if<Kind>(&value_);
     if (found == nullptr) refuse(kind);
     return *found;
-  }
-  [[noreturn]] static void refuse(const char* wanted) {
-    throw std::logic_error(std::string("a table of the engine has no ") + wanted + " where one is expected");
   }
 
   /// An integer is an std::uint64_t only beyond the range of the other.

@@ -8,7 +8,7 @@
 
 namespace wirebond::engine {
 
-/// Return the shortest decimal number that reads as this double again, as Python's `repr`: `0.1`, `1e+16`, `nan`.
+/// Return the shortest decimal number that reads as this double again: `2`, `0.1`, `1e+16`, `nan`.
 std::string number_text(double value);
 
 /// Return `0x1F`.

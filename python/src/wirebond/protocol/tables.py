@@ -94,7 +94,13 @@ def _range(field: Field) -> tuple[float, ...] | None:
     accepted = field.accepted_limits
     if field.minimum is None or field.maximum is None or accepted is None:
         return None
-    return (float(field.minimum), float(field.maximum), float(field.double_slack), float(accepted[0]), float(accepted[1]))
+    return (
+        float(field.minimum),
+        float(field.maximum),
+        float(field.double_slack),
+        float(accepted[0]),
+        float(accepted[1]),
+    )
 
 
 def _steps(steps: tuple[Step, ...]) -> list[Table]:

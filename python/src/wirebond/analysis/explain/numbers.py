@@ -82,7 +82,7 @@ def _float(field: Field, raw: int) -> ReadNumber:
 
 
 def scaled(field: Field, wire: float) -> float:
-    """In doubles and in this order, so that it is the engine's value to the last bit: `to_si` in native/element.hpp.
+    """In doubles and in this order, so that it is the engine's value to the last bit: `to_si` in engine/element.hpp.
     tests/test_scaled_values.py compares the two."""
     numerator, addend, denominator, offset = field.double_factors
     if field.is_float:  # adding a zero would take the sign of another

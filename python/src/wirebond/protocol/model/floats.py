@@ -1,7 +1,7 @@
 """Floats on the wire: one entry for each format of IEEE 754.
 
 Beside its entry in `FLOATS`, a new format needs its conversion in C++ where no C++ type has it: see `float_of` in
-`native/element.cpp` and `is_plain` in `generate/code/cpp_field.py`.
+`engine/src/element.cpp` and `is_plain` in `generate/code/cpp_field.py`.
 """
 
 from __future__ import annotations
