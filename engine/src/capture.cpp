@@ -1,4 +1,4 @@
-// Decodes a whole capture to rows of payloads, on several cores. No Python here.
+// Decodes a whole capture to rows of payloads, on several cores.
 //
 // The problem: a frame's place is known only after the bytes before it were decoded, because a deframer's result at one
 // place depends on its state there. A capture that is cut into parts has no such state at the cuts; and the result must
@@ -47,20 +47,6 @@ struct PartAccount : Account {
 constexpr std::size_t step = std::size_t{1} << 18;        // bytes between two checks of `cancelled`
 constexpr std::size_t least_part = std::size_t{1} << 16;  // minimum number of bytes for a thread
 constexpr std::size_t landmarks_kept = 4096;              // two decoders rarely differ for longer
-
-std::size_t row_bytes(const MessageTable& message) {
-  return message.max_payload != message.min_payload ? 0 : message.min_payload;
-}
-
-void take_header(const FormatTable& format, const Frame& frame, Rows& rows) {
-  if (format.header().empty()) return;
-  const std::size_t begin = rows.header.size();
-  rows.header.resize(begin + format.header().size());
-  const Form& form = format.format().forms[frame.form];
-  for (std::size_t i = 0; i < form.header_count; ++i) {
-    rows.header[begin + form.header[i].place] = detail::read_wide(form.header[i].number, frame.bytes, frame.size);
-  }
-}
 
 /// A place after a frame from which on the results depend only on the bytes, and the results until there.
 struct Landmark {
@@ -239,48 +225,6 @@ void append(Capture& whole, Part& part, const Landmark& from, const ProtocolTabl
 }
 
 }  // namespace
-
-Rows& rows_for(Capture& capture, const Frame& frame) {
-  return frame.message < 0 ? capture.unknown : capture.messages[static_cast<std::size_t>(frame.message)];
-}
-
-void take_row(const ProtocolTable& protocol, const FormatTable& format, const Frame& frame, std::uint64_t offset,
-              const double* time, Capture& to) {
-  SeenNumber seen;
-  if (see_number(format.format(), frame, seen)) to.numbers.push_back(seen);
-  Rows& rows = rows_for(to, frame);
-  rows.offsets.push_back(offset);
-  if (time != nullptr) rows.times.push_back(*time);
-  take_header(format, frame, rows);
-  if (frame.message < 0) {
-    rows.ids.push_back(frame.id);
-    return;
-  }
-  const MessageTable& message = protocol.messages()[static_cast<std::size_t>(frame.message)];
-  const std::size_t sent = frame.payload_size;
-  const bool varies = row_bytes(message) == 0;
-  const std::size_t kept = varies ? std::max(sent, message.min_payload) : message.min_payload;
-  rows.payloads.insert(rows.payloads.end(), frame.payload, frame.payload + std::min(sent, kept));
-  if (sent < kept) rows.payloads.insert(rows.payloads.end(), kept - sent, 0);  // restore trimmed zeros
-  if (varies) rows.ends.push_back(rows.payloads.size());
-}
-
-void Rows::append(Rows&& other, std::size_t first, std::size_t row_bytes, std::size_t header_fields) {
-  if (offsets.empty() && first == 0) {
-    *this = std::move(other);
-    return;
-  }
-  const auto from = static_cast<std::ptrdiff_t>(first);
-  offsets.insert(offsets.end(), other.offsets.begin() + from, other.offsets.end());
-  const auto of_header = static_cast<std::ptrdiff_t>(first * header_fields);
-  header.insert(header.end(), other.header.begin() + of_header, other.header.end());
-  if (!other.ids.empty()) ids.insert(ids.end(), other.ids.begin() + from, other.ids.end());
-  const std::size_t skipped = row_bytes != 0 || other.ends.empty() ? first * row_bytes : other.begin_of(first);
-  for (std::size_t row = first; row < other.ends.size(); ++row) {
-    ends.push_back(payloads.size() + other.ends[row] - skipped);
-  }
-  payloads.insert(payloads.end(), other.payloads.begin() + static_cast<std::ptrdiff_t>(skipped), other.payloads.end());
-}
 
 Capture decode_capture(const ProtocolTable& protocol, const FormatTable& format, const std::uint8_t* bytes,
                        std::size_t size, unsigned threads, std::atomic<std::uint64_t>& done,

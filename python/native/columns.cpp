@@ -3,6 +3,7 @@
 #include "columns.hpp"
 
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/shared_ptr.h>
 
 #include <algorithm>
 #include <chrono>
@@ -18,107 +19,16 @@
 
 #include "decoder.hpp"
 #include "python_values.hpp"
-#include "wirebond/engine/characters.hpp"
+#include "wirebond/engine/account.hpp"
+#include "wirebond/engine/capture.hpp"
+#include "wirebond/engine/columns.hpp"
+#include "wirebond/engine/follower.hpp"
 
 namespace wirebond::engine {
 
 namespace {
 
 constexpr std::size_t watched_size = std::size_t{1} << 18;  // bytes; a smaller capture needs no progress display
-
-/// One column: a field that is no structure, of the message or of one element of a group.
-struct Column {
-  std::string name;  ///< dotted: `position.x`, `joints[3].position`
-  const FieldTable* field;
-  std::size_t at;                           ///< in the payload, if nothing before it varies in size
-  bool moves = false;                       ///< something before it varies in size
-  bool may_lack = false;                    ///< in an element that is not in every row
-  std::vector<const std::uint8_t*> places;  ///< place in each row, if it moves; null: the row lacks it
-  nb::object objects;                       ///< a list of values, if numpy has no type for them
-  std::vector<double> numbers;              ///< of a number in characters: its values; NaN: the row has none
-};
-
-/// Check whether the field becomes a list of Python values: it varies in size, and is no group.
-bool holds_objects(const FieldTable& field) { return field.is_string() || field.repeat == Repeat::listed; }
-
-/// Check whether the field is flattened: a structure or group, into `elements_of` elements. A counted group has its
-/// maximum number.
-bool is_flattened(const FieldTable& field) { return field.kind == FieldKind::structure; }
-
-std::size_t elements_of(const FieldTable& field) {
-  return field.repeat == Repeat::listed ? field.max_count : field.repeat == Repeat::once ? 1 : field.count;
-}
-
-void add_columns(const std::vector<FieldTable>& fields, const std::string& prefix, std::size_t place, bool& moves,
-                 bool may_lack, std::vector<Column>& out) {
-  for (const FieldTable& field : fields) {
-    if (is_flattened(field)) {
-      const bool is_counted = field.repeat == Repeat::listed;
-      moves = moves || is_counted;
-      for (std::size_t i = 0; i < elements_of(field); ++i) {
-        const std::string index = field.repeat == Repeat::once ? "" : "[" + std::to_string(i) + "]";
-        add_columns(field.fields, prefix + field.name + index + ".", place + field.at + i * field.stride, moves,
-                    may_lack || is_counted, out);
-      }
-      continue;
-    }
-    out.push_back({prefix + field.name, &field, place + field.at, moves, may_lack, {}, {}, {}});
-    if (holds_objects(field)) out.back().objects = nb::list();
-    moves = moves || field.is_variable;
-  }
-}
-
-/// Skip the columns of an element that this row lacks.
-void skip_columns(const std::vector<FieldTable>& fields, std::vector<Column>& columns, std::size_t& next) {
-  for (const FieldTable& field : fields) {
-    if (is_flattened(field)) {
-      for (std::size_t i = 0; i < elements_of(field); ++i) skip_columns(field.fields, columns, next);
-      continue;
-    }
-    Column& column = columns[next++];
-    column.places.push_back(nullptr);
-    if (field.digits) column.numbers.push_back(std::nan(""));
-    if (column.objects.is_valid()) nb::borrow<nb::list>(column.objects).append(nb::none());
-  }
-}
-
-/// Return the value of an integer or a float.
-double value_of(const FieldTable& field, std::uint64_t raw) {
-  const double wire =
-      field.kind == FieldKind::floating ? float_of(field, raw) : whole_as_double(field, whole_of(field, raw));
-  return field.scaled ? to_si(field, wire) : wire;
-}
-
-double number_of(const FieldTable& field, const Spelled& spelled) {
-  return spelled.raw ? value_of(field, *spelled.raw) : std::nan("");
-}
-
-/// Read one row's values of the columns with objects, and places of those that move. `next` counts the columns.
-void read_row(const std::vector<FieldTable>& fields, std::size_t place, Walk& walk, std::vector<Column>& columns,
-              std::size_t& next) {
-  Counts counts;
-  for (const FieldTable& field : fields) {
-    const std::size_t here = place + field.at;
-    if (field.counts) counts.tell(field, walk.at(here));  // one of its bits may count, too
-    if (is_flattened(field)) {
-      const auto read = [&](std::size_t, std::size_t at) { read_row(field.fields, at, walk, columns, next); };
-      std::size_t found = 0;
-      if (field.repeat == Repeat::listed) {
-        found = walk.elements(field, here, counts.promised(field), read);
-      } else {
-        for (; found < elements_of(field); ++found) read(found, here + found * field.stride);
-      }
-      for (; found < elements_of(field); ++found) skip_columns(field.fields, columns, next);
-      continue;
-    }
-    Column& column = columns[next++];
-    if (column.moves) column.places.push_back(walk.at(here));
-    if (field.digits) column.numbers.push_back(number_of(field, read_characters(field, here, walk)));
-    if (!column.objects.is_valid()) continue;
-    const std::uint64_t promised = field.is_variable ? counts.promised(field) : 0;
-    nb::borrow<nb::list>(column.objects).append(decode_field<PythonValues>(field, here, promised, walk));
-  }
-}
 
 /// Call `each` with a zero of the smallest integer type that holds the field's numbers.
 template <class Each>
@@ -153,99 +63,30 @@ nb::object make_array(std::vector<T>&& values) {
   return array_over(owned->data(), owned->size(), nullptr, owner);
 }
 
-/// Call `each_row` with the function that loads element `index` of the field at `at`: one loop for each way to load, so
-/// that no loop decides for every element.
-template <class EachRow>
-void with_load(const FieldTable& field, EachRow each_row) {
-  const auto whole = [&](auto bytes) {
-    constexpr unsigned size = decltype(bytes)::value;
-    if (field.order == ByteOrder::little) {
-      each_row(
-          [](const std::uint8_t* at, std::size_t i) { return load_bytes<size, ByteOrder::little>(at + i * size); });
-    } else {
-      each_row([](const std::uint8_t* at, std::size_t i) { return load_bytes<size, ByteOrder::big>(at + i * size); });
-    }
-  };
-  const bool is_whole = field.repeat != Repeat::packed && field.width == 8 * field.size && field.pieces.empty();
-  if (field.repeat == Repeat::packed) {
-    each_row([&](const std::uint8_t* at, std::size_t i) { return load_packed_raw(field, at, i); });
-  } else if (is_whole && field.size == 1) {
-    whole(std::integral_constant<unsigned, 1>{});
-  } else if (is_whole && field.size == 2) {
-    whole(std::integral_constant<unsigned, 2>{});
-  } else if (is_whole && field.size == 4) {
-    whole(std::integral_constant<unsigned, 4>{});
-  } else if (is_whole && field.size == 8) {
-    whole(std::integral_constant<unsigned, 8>{});
-  } else {
-    each_row([&](const std::uint8_t* at, std::size_t i) { return load_plain_raw(field, at, i); });
-  }
-}
-
-/// Check whether an element's bytes on the wire are as numpy needs them.
-template <class T>
-bool stands_as(const FieldTable& field) {
-#if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
-  return field.kind != FieldKind::boolean && field.repeat != Repeat::packed && field.size == sizeof(T) &&
-         field.width == 8 * sizeof(T) && (field.order == ByteOrder::little || sizeof(T) == 1) && !field.scaled &&
-         field.pieces.empty() && field.coding == Coding::binary;
-#else
-  static_cast<void>(field);
-  return false;
-#endif
-}
-
 /// Make a column. `value` converts a number's bits to an element.
 template <class T, class Value>
 nb::object column_of(const Column& column, const Rows& rows, std::size_t stride, Value value) {
-  const FieldTable& field = *column.field;
   const std::size_t count = rows.offsets.size();
-  const std::size_t elements = field.count;
-  T* const values = new T[count * elements];  // each is written below
+  T* const values = new T[count * column.field->count];  // each is written below
   const nb::capsule owner(values, [](void* p) noexcept { delete[] static_cast<T*>(p); });
-  const auto each_place = [&](auto take) {
-    T* out = values;
-    const std::uint8_t* row = rows.payloads.data() + column.at;
-    for (std::size_t i = 0; i < count; ++i, row += stride, out += elements) {
-      take(out, column.moves ? column.places[i] : row);
-    }
-  };
-  if (stands_as<T>(field)) {
-    if (elements == 1) {
-      each_place([](T* out, const std::uint8_t* at) { std::memcpy(out, at, sizeof(T)); });
-    } else {
-      each_place([&](T* out, const std::uint8_t* at) { std::memcpy(out, at, elements * sizeof(T)); });
-    }
-  } else {
-    with_load(field, [&](auto load) {
-      each_place([&](T* out, const std::uint8_t* at) {
-        for (std::size_t i = 0; i < elements; ++i) out[i] = static_cast<T>(value(load(at, i)));
-      });
-    });
-  }
-  return array_over(values, count, &field, owner);
+  fill_column(column, rows, stride, values, value);
+  return array_over(values, count, column.field, owner);
 }
 
 /// Make a column of numbers that a row may lack: floats, NaN for such a row.
-nb::object lacking_column(const Column& column) {
-  const FieldTable& field = *column.field;
-  const std::size_t elements = field.count;
-  std::vector<double> values(column.places.size() * elements, std::nan(""));
-  with_load(field, [&](auto load) {
-    for (std::size_t row = 0; row < column.places.size(); ++row) {
-      const std::uint8_t* const at = column.places[row];
-      for (std::size_t i = 0; at != nullptr && i < elements; ++i)
-        values[row * elements + i] = value_of(field, load(at, i));
-    }
-  });
-  auto* const owned = new std::vector<double>(std::move(values));
-  const nb::capsule owner(owned, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
-  return array_over(owned->data(), column.places.size(), &field, owner);
+nb::object lacking_column(const Column& column, const Rows& rows, std::size_t stride) {
+  const std::size_t count = rows.offsets.size();
+  const std::size_t size = count * column.field->count;
+  auto* const values = new double[size];
+  const nb::capsule owner(values, [](void* p) noexcept { delete[] static_cast<double*>(p); });
+  std::fill(values, values + size, std::nan(""));
+  fill_column(column, rows, stride, values, [&](std::uint64_t bits) { return value_of(*column.field, bits); });
+  return array_over(values, count, column.field, owner);
 }
 
 nb::object number_column(Column& column, const Rows& rows, std::size_t stride) {
   if (column.field->digits) return make_array(std::move(column.numbers));
-  if (column.may_lack) return lacking_column(column);
+  if (column.may_lack) return lacking_column(column, rows, stride);
   const FieldTable& field = *column.field;
   const auto whole = [&](std::uint64_t bits) { return whole_of(field, bits); };
   const auto real = [&](std::uint64_t bits) { return float_of(field, bits); };
@@ -270,33 +111,25 @@ nb::object number_column(Column& column, const Rows& rows, std::size_t stride) {
   }
 }
 
+/// Keeps the values for which numpy has no type, as lists by column.
+struct Objects {
+  std::vector<nb::list> lists;
+
+  void value(std::size_t column, const FieldTable& field, std::size_t place, std::uint64_t promised, Walk& walk) {
+    lists[column].append(decode_field<PythonValues>(field, place, promised, walk));
+  }
+  void none(std::size_t column) { lists[column].append(nb::none()); }
+};
+
 nb::dict columns_of(const MessageTable& message, const Rows& rows) {
-  std::vector<Column> columns;
-  bool moves = false;
-  add_columns(message.fields, "", 0, moves, false, columns);
-  const bool varies = message.max_payload != message.min_payload;
-  bool walks = false;
-  for (const Column& column : columns)
-    walks = walks || column.moves || column.objects.is_valid() || column.field->digits;
-  for (std::size_t i = 0; walks && i < rows.offsets.size(); ++i) {
-    const std::size_t begin = varies ? rows.begin_of(i) : i * message.min_payload;
-    const std::size_t size = varies ? rows.ends[i] - begin : message.min_payload;
-    Walk walk{rows.payloads.data() + begin, size - message.min_payload};
-    std::size_t next = 0;
-    read_row(message.fields, 0, walk, columns, next);
-  }
-  if (varies) {  // then rows have no stride: every column uses places
-    for (Column& column : columns) {
-      for (std::size_t i = 0; !column.moves && i < rows.offsets.size(); ++i) {
-        column.places.push_back(rows.payloads.data() + rows.begin_of(i) + column.at);
-      }
-      column.moves = true;
-    }
-  }
+  std::vector<Column> columns = columns_of(message);
+  Objects objects{std::vector<nb::list>(columns.size())};
+  read_rows(message, rows, columns, objects);
   nb::dict out;
-  for (Column& column : columns) {
+  for (std::size_t i = 0; i < columns.size(); ++i) {
+    Column& column = columns[i];
     out[column.name.c_str()] =
-        column.objects.is_valid() ? column.objects : number_column(column, rows, message.min_payload);
+        column.holds_values() ? nb::object(objects.lists[i]) : number_column(column, rows, message.min_payload);
   }
   return out;
 }
@@ -383,22 +216,13 @@ Capture decode(Decode decode, std::size_t size, nb::handle progress) {
   return decode(done, cancelled);
 }
 
-/// Make the tables for Python, of a capture of this many bytes.
-nb::dict tables_of(const std::shared_ptr<const ProtocolTable>& protocol,
-                   const std::shared_ptr<const FormatTable>& format, Capture&& capture, std::size_t size) {
-  std::vector<std::uint64_t> counts;
-  for (const Rows& rows : capture.messages) counts.push_back(rows.offsets.size());
-  nb::dict out;
-  out["messages"] = message_tables(*protocol, *format, std::move(capture));
-  SequenceBook sequence(format);
-  for (const SeenNumber& seen : capture.numbers) sequence.take(seen);
-  out["stats"] = to_object(
-      account_node(capture.account, capture.unlisted, size, 0, *protocol, counts, *format, sequence.account()));
-  return out;
-}
+/// Events between the reads of a capture.
+struct TimingMarks {
+  std::vector<std::size_t> breaks;                             ///< the port was closed before the read of this index
+  std::vector<std::pair<std::size_t, std::int16_t>> expected;  ///< before this read, this message was requested
+};
 
-}  // namespace
-
+/// Read `breaks` and `expected` of `reads`.
 TimingMarks read_marks(const nb::dict& reads) {
   TimingMarks marks;
   for (nb::handle index : nb::list(reads["breaks"])) marks.breaks.push_back(nb::cast<std::size_t>(index));
@@ -408,6 +232,7 @@ TimingMarks read_marks(const nb::dict& reads) {
   return marks;
 }
 
+/// Throw if the ends of the reads fall, or are after the bytes.
 void check_reads(const std::uint64_t* ends, std::size_t count, std::size_t size) {
   std::uint64_t last = 0;
   for (std::size_t i = 0; i < count; ++i) {
@@ -416,7 +241,10 @@ void check_reads(const std::uint64_t* ends, std::size_t count, std::size_t size)
   }
 }
 
-nb::dict message_tables(const ProtocolTable& protocol, const FormatTable& format, Capture&& capture, bool with_empty) {
+/// Return the tables of the found messages, by name: "messages" of `decode_columns`. Takes the rows, and leaves the
+/// rest of the capture. `with_empty`: also tables of messages that did not occur.
+nb::dict message_tables(const ProtocolTable& protocol, const FormatTable& format, Capture&& capture,
+                        bool with_empty = false) {
   const auto add_places = [](nb::dict& table, Rows& rows) {
     if (!rows.times.empty()) table["t"] = make_array(std::move(rows.times));
     if (!rows.sizes.empty()) table["size"] = make_array(std::move(rows.sizes));
@@ -447,6 +275,25 @@ nb::dict message_tables(const ProtocolTable& protocol, const FormatTable& format
   return messages;
 }
 
+/// Make the tables for Python, of a capture of this many bytes.
+nb::dict tables_of(const std::shared_ptr<const ProtocolTable>& protocol,
+                   const std::shared_ptr<const FormatTable>& format, Capture&& capture, std::size_t size) {
+  std::vector<std::uint64_t> counts;
+  for (const Rows& rows : capture.messages) counts.push_back(rows.offsets.size());
+  nb::dict out;
+  out["messages"] = message_tables(*protocol, *format, std::move(capture));
+  SequenceBook sequence(format);
+  for (const SeenNumber& seen : capture.numbers) sequence.take(seen);
+  out["stats"] = to_object(
+      account_node(capture.account, capture.unlisted, size, 0, *protocol, counts, *format, sequence.account()));
+  return out;
+}
+
+/// Return {"messages": {name: {"offset": u64 array, "fields": {field: array}}}, "stats": {…}}. Messages that did not
+/// occur are skipped. Scaled fields are float64 in SI units; others keep their wire type; arrays have shape (rows,
+/// count); fields of structures have dotted names; strings, groups and arrays of varying size are lists of values.
+/// Frames with an unknown id are under "unknown": offset and id. `threads` share a large capture;
+/// `progress(done, size)` is called from time to time and at the end, unless it is None or the capture is small.
 nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol,
                         const std::shared_ptr<const FormatTable>& format, nb::handle bytes, unsigned threads,
                         nb::handle progress) {
@@ -457,6 +304,10 @@ nb::dict decode_columns(const std::shared_ptr<const ProtocolTable>& protocol,
   return tables_of(protocol, format, decode(work, view.size(), progress), view.size());
 }
 
+/// Do the same for bytes that came read by read; each table has `t`: start of the read that completed the frame.
+/// `reads`: `ends` (u64 each, in the capture) and `times` (f64, seconds, not falling) as buffers, `idle` in seconds,
+/// `breaks` (the port was closed before the read of this index), `expected` (before the read of this index, this
+/// message was requested). One thread works.
 nb::dict decode_timed_columns(const std::shared_ptr<const ProtocolTable>& protocol,
                               const std::shared_ptr<const FormatTable>& format, nb::handle bytes, const nb::dict& reads,
                               nb::handle progress) {
@@ -476,6 +327,45 @@ nb::dict decode_timed_columns(const std::shared_ptr<const ProtocolTable>& protoc
     return decode_timed(*protocol, *format, view.data(), timing, done, cancelled);
   };
   return tables_of(protocol, format, decode(work, view.size(), progress), view.size());
+}
+
+/// `reads`: as for `decode_timed_columns`, without `idle`; a break after the last read has the index of the next one.
+nb::dict feed(Follower& follower, nb::handle bytes, const nb::dict& reads) {
+  const BufferView view(bytes);
+  const BufferView ends(reads["ends"]);
+  const BufferView times(reads["times"]);
+  TimingMarks marks = read_marks(reads);
+  Reads given;
+  given.ends = reinterpret_cast<const std::uint64_t*>(ends.data());
+  given.times = reinterpret_cast<const double*>(times.data());
+  given.count = std::min(ends.size(), times.size()) / sizeof(std::uint64_t);
+  given.breaks = std::move(marks.breaks);
+  given.expected = std::move(marks.expected);
+  check_reads(given.ends, given.count, view.size());
+  return message_tables(follower.protocol(), follower.format(), follower.feed(view.data(), given));
+}
+
+}  // namespace
+
+void bind_columns(nb::module_& m) {
+  m.def("decode_columns", &decode_columns, nb::arg("protocol"), nb::arg("format"), nb::arg("capture").none(),
+        nb::arg("threads"), nb::arg("progress").none());
+  m.def("decode_timed_columns", &decode_timed_columns, nb::arg("protocol"), nb::arg("format"), nb::arg("capture"),
+        nb::arg("reads"), nb::arg("progress").none());
+  nb::class_<Follower>(m, "Follower")
+      .def(
+          "__init__",
+          [](Follower* self, std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> format,
+             double idle_seconds) { new (self) Follower(std::move(protocol), std::move(format), idle_seconds); },
+          nb::arg("protocol"), nb::arg("format"), nb::arg("idle_seconds"))
+      .def("feed", &feed, nb::arg("bytes"), nb::arg("reads"))
+      .def(
+          "idle", [](Follower& self, double t) { return message_tables(self.protocol(), self.format(), self.idle(t)); },
+          nb::arg("t"))
+      .def("tables",
+           [](const Follower& self) { return message_tables(self.protocol(), self.format(), self.empty(), true); })
+      .def("settled", &Follower::settled)
+      .def("stats", [](const Follower& self) { return to_object(self.account()); });
 }
 
 }  // namespace wirebond::engine

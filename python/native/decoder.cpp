@@ -1,5 +1,8 @@
-// Converts a stream of bytes to Message objects for Python. Waits for nothing, opens nothing; time is an argument.
+// Received messages as Python sees them.
 #include "decoder.hpp"
+
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/shared_ptr.h>
 
 #include <algorithm>
 #include <cmath>
@@ -87,35 +90,27 @@ nb::object Message::stamped(std::size_t place) {
   return stamp_[place];
 }
 
-nb::list to_list(const std::shared_ptr<Batch>& batch, const std::vector<Event>& events, const nb::object& stamper) {
+nb::list to_list(const Arrivals& arrivals, const nb::object& stamper) {
   nb::list out;
-  const std::shared_ptr<const Batch> shared = batch;
-  for (const Event& event : events) out.append(nb::cast(Message(shared, event, stamper)));
+  const std::shared_ptr<const Batch> shared = arrivals.batch;
+  for (const Event& event : arrivals.events) out.append(nb::cast(Message(shared, event, stamper)));
   return out;
 }
 
-Decoder::Decoder(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> format,
-                 double idle_seconds)
-    : protocol_(std::move(protocol)),
-      format_(std::move(format)),
-      workspace_(workspace_bytes(format_->source())),
-      deframer_(format_->source(), workspace_.data(), static_cast<std::uint64_t>(std::ceil(idle_seconds * 1e6))),
-      counts_(protocol_->messages().size(), 0),
-      sequence_(format_) {}
+namespace {
 
-void Decoder::expect(std::int16_t message, int place, std::optional<std::uint64_t> address) {
-  deframer_.expect(message);
-  HostAddressing::Rules rules;
-  rules.sender_place = address ? place : -1;
-  rules.only_last_asked = true;
-  addressing_ = HostAddressing(format_->format(), rules);
-  if (address) addressing_.asks(message, *address);
-}
+/// A decoder whose messages are stamped.
+struct StampedDecoder : Decoder {
+  using Decoder::Decoder;
+  nb::object stamper;  ///< of later messages; see Message
+};
 
-double Decoder::seconds(nb::handle value) {
+bool is_time(double time) { return std::isfinite(time) && std::fabs(time) <= 9e12; }
+
+double seconds(nb::handle value) {
   const double time = PyFloat_AsDouble(value.ptr());
   if (time == -1.0 && PyErr_Occurred() != nullptr) throw nb::python_error();
-  if (!std::isfinite(time) || std::fabs(time) > 9e12) {
+  if (!is_time(time)) {
     const nb::object text = nb::str("t is {!r}; expected a finite number of seconds").format(value);
     const nb::object type = nb::module_::import_("wirebond.errors").attr("UsageError");
     PyErr_SetObject(type.ptr(), text.ptr());
@@ -124,49 +119,16 @@ double Decoder::seconds(nb::handle value) {
   return time;
 }
 
-std::uint64_t Decoder::microseconds(double time) {
-  if (time > latest_) latest_ = time;  // a clock that steps back must not count as a long silence
-  return static_cast<std::uint64_t>(static_cast<std::int64_t>(std::llround(latest_ * 1e6)));
-}
-
-std::shared_ptr<Batch> Decoder::new_batch() const {
-  const auto batch = std::make_shared<Batch>();
-  batch->protocol = protocol_;
-  batch->format = format_;
-  return batch;
-}
-
-struct Decoder::Recording {
-  Decoder& decoder;
-  Batch& batch;
-  double time = 0;
-  bool keep = true;        ///< false: frames are only counted
-  std::uint32_t read = 0;  ///< index of the read that brings the frames
-  std::vector<Event> events{};
-  std::vector<std::uint32_t> reads{};  ///< index of the read of each event
-
-  void operator()(const Frame& frame) {
-    if (frame.message >= 0) ++decoder.counts_[static_cast<std::size_t>(frame.message)];
-    decoder.sequence_.take(frame);
-    if (decoder.addressing_.is_foreign(frame)) return decoder.foreign_.add(frame);
-    if (!keep) return;
-    if (batch.bytes.size() > UINT32_MAX / 2) throw std::length_error("more than 2 GiB of frames in one call");
-    events.push_back(record(frame, time, batch));
-    reads.push_back(read);
-  }
-};
-
-nb::list Decoder::feed(nb::handle bytes, nb::handle t) {
+nb::list feed(StampedDecoder& decoder, nb::handle bytes, nb::handle t) {
   const BufferView view(bytes);
-  const double time = seconds(t);
-  const std::uint64_t now = microseconds(time);
-  const auto batch = new_batch();
-  Recording sink{*this, *batch, time};
-  deframer_.feed(view.data(), view.size(), now, sink);
-  return to_list(batch, sink.events, stamper_);
+  return to_list(decoder.feed(view.data(), view.size(), seconds(t)), decoder.stamper);
 }
 
-nb::tuple Decoder::feed_reads(nb::handle buffer, nb::handle places, nb::handle sizes, nb::handle times, bool keep) {
+/// Process many reads at once: `idle` and `feed` for each. `places` (u64) and `sizes` (u32) locate their bytes in
+/// `buffer`, `times` (f64) are their starts. Returns the messages, and for each the index of its read (u32). Without
+/// `keep` they are only counted.
+nb::tuple feed_reads(StampedDecoder& decoder, nb::handle buffer, nb::handle places, nb::handle sizes, nb::handle times,
+                     bool keep) {
   const BufferView view(buffer);
   const BufferView at(places);
   const BufferView of(sizes);
@@ -175,41 +137,50 @@ nb::tuple Decoder::feed_reads(nb::handle buffer, nb::handle places, nb::handle s
   if (at.size() / sizeof(std::uint64_t) < count || of.size() / sizeof(std::uint32_t) < count) {
     throw std::invalid_argument("fewer places or sizes than times");
   }
-  const auto batch = new_batch();
-  Recording sink{*this, *batch};
-  sink.keep = keep;
+  Arrivals found = decoder.none();
+  std::vector<std::uint32_t> reads;
   for (std::size_t i = 0; i < count; ++i) {
     std::uint64_t place = 0;
     std::uint32_t size = 0;
+    double time = 0;
     std::memcpy(&place, at.data() + i * sizeof place, sizeof place);
     std::memcpy(&size, of.data() + i * sizeof size, sizeof size);
-    std::memcpy(&sink.time, began.data() + i * sizeof sink.time, sizeof sink.time);
+    std::memcpy(&time, began.data() + i * sizeof time, sizeof time);
     if (place > view.size() || size > view.size() - place) throw std::invalid_argument("a place lies outside");
-    if (!std::isfinite(sink.time) || std::fabs(sink.time) > 9e12) throw std::invalid_argument("a time is not finite");
-    sink.read = static_cast<std::uint32_t>(i);
-    const std::uint64_t now = microseconds(sink.time);
-    deframer_.idle(now, sink);
-    deframer_.feed(view.data() + place, size, now, sink);
+    if (!is_time(time)) throw std::invalid_argument("a time is not finite");
+    decoder.read(view.data() + place, size, time, keep, found);
+    reads.resize(found.events.size(), static_cast<std::uint32_t>(i));
   }
-  return nb::make_tuple(
-      to_list(batch, sink.events, stamper_),
-      nb::bytes(reinterpret_cast<const char*>(sink.reads.data()), sink.reads.size() * sizeof(std::uint32_t)));
+  return nb::make_tuple(to_list(found, decoder.stamper), nb::bytes(reads.data(), reads.size() * sizeof(std::uint32_t)));
 }
 
-nb::list Decoder::idle(nb::handle t) {
-  const double time = seconds(t);
-  const std::uint64_t now = microseconds(time);
-  const auto batch = new_batch();
-  Recording sink{*this, *batch, time};
-  deframer_.idle(now, sink);
-  return to_list(batch, sink.events, stamper_);
-}
+}  // namespace
 
-nb::list Decoder::finish() {
-  const auto batch = new_batch();
-  Recording sink{*this, *batch, latest_};
-  deframer_.give_up(sink);
-  return to_list(batch, sink.events, stamper_);
+void bind_decoder(nb::module_& m) {
+  nb::class_<StampedDecoder>(m, "Decoder")
+      .def(
+          "__init__",
+          [](StampedDecoder* self, std::shared_ptr<const ProtocolTable> protocol,
+             std::shared_ptr<const FormatTable> format,
+             double idle_seconds) { new (self) StampedDecoder(std::move(protocol), std::move(format), idle_seconds); },
+          nb::arg("protocol"), nb::arg("format"), nb::arg("idle_seconds"))
+      .def("feed", &feed, nb::arg("bytes").none(), nb::arg("t").none())
+      .def("feed_reads", &feed_reads, nb::arg("buffer"), nb::arg("places"), nb::arg("sizes"), nb::arg("times"),
+           nb::arg("keep"))
+      .def(
+          "expect",
+          [](StampedDecoder& self, std::int16_t message, int place, std::optional<std::uint64_t> address) {
+            self.expect(message, place, address);
+          },
+          nb::arg("message"), nb::arg("place") = -1, nb::arg("address") = nb::none())
+      .def(
+          "idle", [](StampedDecoder& self, nb::handle t) { return to_list(self.idle(seconds(t)), self.stamper); },
+          nb::arg("t").none())
+      .def("finish", [](StampedDecoder& self) { return to_list(self.finish(), self.stamper); })
+      .def(
+          "set_stamper", [](StampedDecoder& self, nb::object stamper) { self.stamper = std::move(stamper); },
+          nb::arg("stamper").none())
+      .def("stats", [](const StampedDecoder& self) { return to_object(self.account()); });
 }
 
 }  // namespace wirebond::engine

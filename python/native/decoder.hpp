@@ -1,4 +1,4 @@
-// Converts a stream of bytes to Message objects for Python. Waits for nothing, opens nothing; time is an argument.
+// Received messages as Python sees them.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -9,11 +9,7 @@
 #include <vector>
 
 #include "objects.hpp"
-#include "wirebond/engine/account.hpp"
-#include "wirebond/engine/batch.hpp"
-#include "wirebond/engine/protocol.hpp"
-#include "wirebond/engine/sequence_book.hpp"
-#include "wirebond/host/addressing.hpp"
+#include "wirebond/engine/decoder.hpp"
 
 namespace wirebond::engine {
 
@@ -65,51 +61,10 @@ class Message {
 };
 
 /// Return messages of a batch as a Python list. Needs the GIL.
-nb::list to_list(const std::shared_ptr<Batch>& batch, const std::vector<Event>& events, const nb::object& stamper);
+nb::list to_list(const Arrivals& arrivals, const nb::object& stamper);
 
-/// A format with its deframer. One thread at a time.
-class Decoder {
- public:
-  Decoder(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> format,
-          double idle_seconds);
-
-  nb::list feed(nb::handle bytes, nb::handle time);
-  /// Process many reads at once: `idle` and `feed` for each. `places` (u64) and `sizes` (u32) locate their bytes in
-  /// `buffer`, `times` (f64) are their starts. Returns the messages, and for each the index of its read (u32). Without
-  /// `keep` they are only counted.
-  nb::tuple feed_reads(nb::handle buffer, nb::handle places, nb::handle sizes, nb::handle times, bool keep);
-  /// `address`: of the header field at `place` of the format's list; replies from others are foreign then.
-  void expect(std::int16_t message, int place, std::optional<std::uint64_t> address);
-  nb::list idle(nb::handle time);
-  nb::list finish();
-  /// Set the stamper of later messages; see Message.
-  void set_stamper(nb::object stamper) { stamper_ = std::move(stamper); }
-  /// See `account_node`.
-  nb::object stats() const {
-    const HostAccount& account = deframer_.account();
-    return to_object(account_node(account, account.unlisted.found(), deframer_.bytes(), deframer_.pending(), *protocol_,
-                                  counts_, *format_, sequence_.account(), foreign_));
-  }
-
- private:
-  double seconds(nb::handle time);
-  std::uint64_t microseconds(double time);
-  std::shared_ptr<Batch> new_batch() const;
-  /// One sink for all functions that feed. It has a name because the deframer is compiled again for each type of sink,
-  /// which takes ten seconds each time.
-  struct Recording;
-
-  std::shared_ptr<const ProtocolTable> protocol_;
-  std::shared_ptr<const FormatTable> format_;
-  std::vector<std::uint8_t> workspace_;
-  HostDeframer deframer_;
-  std::vector<std::uint64_t> counts_;  ///< by message
-  SequenceBook sequence_;
-  HostAddressing addressing_;
-  ForeignCounts foreign_;
-  double latest_ = 0;
-  nb::object stamper_;
-};
+/// Register `Decoder` with Python.
+void bind_decoder(nb::module_& m);
 
 /// Read-only view of a bytes-like object, released with this object. Bytes that are not adjacent are copied.
 class BufferView {

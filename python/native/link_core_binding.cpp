@@ -36,7 +36,7 @@ LinkSetup link_setup(std::shared_ptr<const ProtocolTable> protocol, std::shared_
 
 nb::list to_list(const std::deque<Arrivals>& taken, const nb::object& stamper) {
   nb::list out;
-  for (const Arrivals& arrivals : taken) out.extend(to_list(arrivals.batch, arrivals.events, stamper));
+  for (const Arrivals& arrivals : taken) out.extend(to_list(arrivals, stamper));
   return out;
 }
 

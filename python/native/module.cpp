@@ -9,7 +9,6 @@
 #include "cdr_packer.hpp"
 #include "columns.hpp"
 #include "decoder.hpp"
-#include "follower.hpp"
 #include "link.hpp"
 #include "link_core_binding.hpp"
 #include "mcap_records.hpp"
@@ -113,20 +112,6 @@ NB_MODULE(_engine, m) {
       .def("__repr__",
            [](Message& self) { return nb::str("<wirebond.Message {} {}>").format(self.name(), self.fields()); });
 
-  nb::class_<Decoder>(m, "Decoder")
-      .def(
-          "__init__",
-          [](Decoder* self, std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> format,
-             double idle_seconds) { new (self) Decoder(std::move(protocol), std::move(format), idle_seconds); },
-          "protocol"_a, "format"_a, "idle_seconds"_a)
-      .def("feed", &Decoder::feed, "bytes"_a.none(), "t"_a.none())
-      .def("feed_reads", &Decoder::feed_reads, "buffer"_a, "places"_a, "sizes"_a, "times"_a, "keep"_a)
-      .def("expect", &Decoder::expect, "message"_a, "place"_a = -1, "address"_a = nb::none())
-      .def("idle", &Decoder::idle, "t"_a.none())
-      .def("finish", &Decoder::finish)
-      .def("set_stamper", &Decoder::set_stamper, "stamper"_a.none())
-      .def("stats", &Decoder::stats);
-
   nb::class_<CdrPacker>(m, "CdrPacker")
       .def_static("make", &CdrPacker::make, "protocol"_a, "plan"_a)
       .def("pack", &CdrPacker::pack, "messages"_a, "stamps_ns"_a);
@@ -140,10 +125,6 @@ NB_MODULE(_engine, m) {
   m.def("pack_messages", &pack_messages, "messages"_a);
   m.def("unpack_messages", &unpack_messages, "protocol"_a, "format"_a, "records"_a, "shift"_a = 0.0,
         "stamper"_a = nb::none());
-  m.def("decode_columns", &decode_columns, "protocol"_a, "format"_a, "capture"_a.none(), "threads"_a,
-        "progress"_a.none());
-  m.def("decode_timed_columns", &decode_timed_columns, "protocol"_a, "format"_a, "capture"_a, "reads"_a,
-        "progress"_a.none());
   m.def("message_records", &message_records, "buffer"_a, "at"_a, "end"_a);
   m.def("gathered", &gathered, "buffer"_a, "places"_a, "sizes"_a);
   m.def("packed_records", &packed_records, "buffer"_a, "pieces"_a, "decoded"_a, "payloads"_a);
@@ -154,7 +135,8 @@ NB_MODULE(_engine, m) {
       },
       "path"_a, "bytes_per_second"_a, "ttys"_a = "/sys/class/tty",
       "How long the port may hold bytes back, by what the system says of its device.");
-  bind_follower(m);
+  bind_decoder(m);
+  bind_columns(m);
   bind_link_core(m);
   bind_link(m);
 }

@@ -104,8 +104,8 @@ nb::bytes pack_messages(nb::list messages) {
 nb::list unpack_messages(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> format,
                          nb::handle records, double shift, nb::object stamper) {
   const BufferView view(records);
-  const auto batch = std::make_shared<Batch>();
-  std::vector<Event> events;
+  Arrivals found{std::make_shared<Batch>(), {}};
+  Batch* const batch = found.batch.get();
   for (std::size_t at = 0; at < view.size();) {
     const Head head = read_head(view, at, *protocol, *format);
     const std::uint8_t* next = view.data() + at + head_bytes;
@@ -126,12 +126,12 @@ nb::list unpack_messages(std::shared_ptr<const ProtocolTable> protocol, std::sha
     event.form = head.form;
     event.offset = head.offset;
     event.time = head.time + shift;
-    events.push_back(event);
+    found.events.push_back(event);
     at += size_bytes + head.size;
   }
   batch->protocol = std::move(protocol);
   batch->format = std::move(format);
-  return to_list(batch, events, stamper);
+  return to_list(found, stamper);
 }
 
 }  // namespace wirebond::engine

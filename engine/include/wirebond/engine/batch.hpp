@@ -35,6 +35,12 @@ struct Event {
   double time = 0;
 };
 
+/// Messages that came together.
+struct Arrivals {
+  std::shared_ptr<Batch> batch;
+  std::vector<Event> events;
+};
+
 /// Append the frame's bytes to the batch and describe it.
 Event record(const Frame& frame, double time, Batch& batch);
 

@@ -20,12 +20,6 @@
 
 namespace wirebond::engine {
 
-/// Messages that came with one read.
-struct Arrivals {
-  std::shared_ptr<Batch> batch;
-  std::vector<Event> events;
-};
-
 /// Events of a link other than frames.
 enum class ChangeKind : std::uint8_t { struck, ended, port_up, port_down };
 struct LinkChange {
