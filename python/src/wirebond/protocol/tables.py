@@ -11,7 +11,8 @@ from typing import Any, assert_never
 
 import msgspec
 
-from wirebond.protocol.model import Field, Message, Protocol
+from wirebond.protocol.apart import ends_look_alike
+from wirebond.protocol.model import End, Field, Message, Protocol
 from wirebond.protocol.model.layout import (
     Array,
     BitMember,
@@ -26,6 +27,7 @@ from wirebond.protocol.model.layout import (
 )
 from wirebond.protocol.payload_rules import payload_rules
 from wirebond.protocol.plan import Form, Plan
+from wirebond.protocol.planning import ids_collide, plan_for
 
 Table = dict[str, Any]
 
@@ -41,6 +43,22 @@ def format_table(plan: Plan) -> bytes:
     table["forms"] = [_form(form) for form in plan.forms]
     table["header"] = [_field(field.value) for field in plan.header]
     table["algorithms"] = [{**_members(one), "kept": one.kept} for one in plan.algorithms]
+    return msgspec.msgpack.encode(table)
+
+
+def session_table(model: Protocol) -> bytes:
+    """All tables of a protocol, for the engine in a browser (`engine/wasm/module.cpp`).
+
+    `either` is the format of frames of both ends; None where they cannot be told apart.
+    """
+    is_told = not ids_collide(model) and not ends_look_alike(model.format.parts)
+    table = {
+        "protocol": protocol_table(model),
+        "mcu": format_table(plan_for(model, End.MCU)),
+        "host": format_table(plan_for(model, End.HOST)),
+        "either": format_table(plan_for(model, None)) if is_told else None,
+        "idle_seconds": float(model.idle_seconds),
+    }
     return msgspec.msgpack.encode(table)
 
 
