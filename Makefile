@@ -109,6 +109,12 @@ build/page-packages.stamp: console/package.json console/package-lock.json consol
 build/page.stamp: build/page-packages.stamp $(PAGE)
 	@if [ -e build/page-packages.stamp ]; then setup/page.sh build && touch $@; fi
 
+# The engine for browsers. The compiler builds its C++ library for it first, which takes a minute, once on a machine.
+build/wasm.stamp: setup/wasm.sh $(shell find core/include engine -name '*.[chS]*') build/requirements-dev.stamp
+	@echo "Compiling the engine to WebAssembly"
+	@setup/wasm.sh $(PYTHON)
+	@touch $@
+
 # Wheels of ROS 2 exist for Linux and Python 3.11 alone. Without them the tests over rclpy are skipped.
 build/rclpy.stamp: tests/ros2/rclpy.txt setup/rclpy.sh | build/requirements-dev.stamp
 	@echo "Installing a ROS 2 for the tests into build/rclpy"
@@ -127,7 +133,8 @@ build/freertos.stamp: setup/freertos/Cargo.toml setup/freertos/Cargo.lock
 	@cargo vendor --quiet --locked --versioned-dirs --manifest-path setup/freertos/Cargo.toml build/freertos >/dev/null
 	@touch $@
 
-build/setup-test.stamp: build/setup.stamp build/requirements-dev.stamp build/freertos.stamp build/page.stamp build/rclpy.stamp
+build/setup-test.stamp: build/setup.stamp build/requirements-dev.stamp build/freertos.stamp build/page.stamp build/rclpy.stamp \
+  build/wasm.stamp
 	@setup/system-packages.sh clang++-14=clang-14 clang-format-14=clang-format-14 arm-none-eabi-g++=gcc-arm-none-eabi \
 	  /usr/lib/arm-none-eabi/include/c++=libstdc++-arm-none-eabi-newlib /usr/include/doctest/doctest.h=doctest-dev \
 	  /usr/include/relacy/relacy.hpp=relacy-dev \

@@ -30,6 +30,7 @@ from bench import (
     m4_cost,
     m4_runtime,
     mcu_line,
+    page_decode,
     python_round_trip,
     reconnect,
     recordings,
@@ -70,6 +71,10 @@ BENCHMARKS: dict[str, tuple[str, Callable[[], list[Figure]]]] = {
     "m4_cost": ("What a frame costs generated C++ on an emulated Cortex-M4 (enterprize)", m4_cost.measure),
     "m4_runtime": ("What a link costs a Cortex-M: sends, interrupts, memory", m4_runtime.measure),
     "mcu_line": ("The MCU's end on a simulated UART: its clock, and a line with errors (native)", mcu_line.measure),
+    "page_decode": (
+        "From bytes to values in JavaScript, by the engine in WebAssembly (enterprize)",
+        page_decode.measure,
+    ),
     "reconnect": ("From a device's appearance to its first message, under load", reconnect.measure),
     "recordings": ("From a recording of 10 million messages to columns; 90 minutes of the rover", recordings.measure),
     "ros2": ("What the bridge to ROS 2 costs at 8 000 messages a second each way (enterprize)", ros2.measure),

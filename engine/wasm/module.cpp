@@ -4,6 +4,7 @@
 // it returns, of `result_size` bytes, until the next call. It is a map with `ok`, or with `error` (`message`: a value
 // is refused; `engine`: our own mistake) and `text`. Times are microseconds as doubles, of a clock that never steps
 // back. One file: each export is one call of the engine.
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -33,6 +34,12 @@ namespace {
 enum Sender : unsigned { mcu, host, either };
 constexpr std::array<const char*, 3> sender_names = {"mcu", "host", "either"};
 
+/// The numbers in the rows of one message.
+struct MessageColumns {
+  std::vector<Column> columns;
+  std::vector<std::vector<double>> values;  ///< of each column
+};
+
 /// Everything of one protocol.
 struct Session {
   std::shared_ptr<const ProtocolTable> protocol;
@@ -40,8 +47,8 @@ struct Session {
   double idle_seconds = 0;
   std::array<std::unique_ptr<Decoder>, sender_names.size()> decoders;
   std::array<std::unique_ptr<Follower>, sender_names.size()> followers;
-  Capture rows;                              ///< of the last call of a follower
-  std::vector<std::vector<double>> columns;  ///< made of them
+  Capture rows;                         ///< of the last call of a follower
+  std::vector<MessageColumns> columns;  ///< made of them, by message
   std::unique_ptr<LinkCore> link;
 };
 
@@ -149,49 +156,69 @@ struct NothingKept {
 
 std::size_t address_of(const void* memory) { return reinterpret_cast<std::size_t>(memory); }
 
-/// Fill the columns of one message, and describe them: by name the address of the numbers (doubles) and how many there
-/// are in each row.
-Node columns_node(const MessageTable& message, const Rows& rows) {
-  std::vector<Column> columns = columns_of(message);
-  NothingKept nothing;
-  read_rows(message, rows, columns, nothing);
-  Node::List out;
-  for (const Column& column : columns) {
-    if (column.holds_values()) continue;
-    const FieldTable& field = *column.field;
-    std::vector<double> values;
-    if (field.digits) {
-      values = column.numbers;
-    } else {
-      values.assign(rows.offsets.size() * field.count, std::numeric_limits<double>::quiet_NaN());
-      if (field.kind == FieldKind::boolean) {
-        fill_column(column, rows, message.min_payload, values.data(),
-                    [](std::uint64_t bits) { return bits != 0 ? 1.0 : 0.0; });
-      } else {
-        fill_column(column, rows, message.min_payload, values.data(),
-                    [&](std::uint64_t bits) { return value_of(field, bits); });
-      }
+/// Return the columns of each message, with the memory of earlier rows.
+std::vector<MessageColumns>& open_columns() {
+  if (open_session().columns.empty()) {
+    for (const MessageTable& message : session->protocol->messages()) {
+      MessageColumns& of = session->columns.emplace_back();
+      of.columns = columns_of(message);
+      of.values.resize(of.columns.size());
     }
-    session->columns.push_back(std::move(values));
-    out.push_back(Node::List{column.name, address_of(session->columns.back().data()), field.digits ? 1u : field.count});
   }
-  return Node(std::move(out));
+  return session->columns;
 }
 
-/// Describe the rows of the last call: for each message with rows its index, their number, and the addresses of their
-/// times (doubles, seconds) and columns.
-Node rows_node() {
-  session->columns.clear();
-  Node::List out;
+void fill(const MessageTable& message, const Rows& rows, MessageColumns& of) {
+  for (Column& column : of.columns) {
+    column.places.clear();
+    column.numbers.clear();
+  }
+  NothingKept nothing;
+  read_rows(message, rows, of.columns, nothing);
+  for (std::size_t i = 0; i < of.columns.size(); ++i) {
+    Column& column = of.columns[i];
+    if (column.holds_values()) continue;
+    const FieldTable& field = *column.field;
+    std::vector<double>& values = of.values[i];
+    if (field.digits) {
+      values = column.numbers;
+      continue;
+    }
+    values.resize(rows.offsets.size() * field.count);
+    if (column.may_lack) std::fill(values.begin(), values.end(), std::numeric_limits<double>::quiet_NaN());
+    const auto number = [&](std::uint64_t bits) { return value_of(field, bits); };
+    const auto truth = [](std::uint64_t bits) { return bits != 0 ? 1.0 : 0.0; };
+    if (field.kind == FieldKind::boolean) {
+      fill_column(column, rows, message.min_payload, values.data(), truth);
+    } else {
+      fill_column(column, rows, message.min_payload, values.data(), number);
+    }
+  }
+}
+
+void put(std::size_t word) {
+  const auto number = static_cast<std::uint32_t>(word);
+  const auto* const bytes = reinterpret_cast<const std::uint8_t*>(&number);
+  result.insert(result.end(), bytes, bytes + sizeof number);
+}
+
+/// Describe the rows of the last call in words of 32 bits: for each message with rows its index, their number, the
+/// address of their times (doubles, seconds), and the addresses of its columns (doubles) in the order of `columns`.
+const std::uint8_t* rows_as_words() {
+  result.clear();
   for (std::size_t i = 0; i < session->rows.messages.size(); ++i) {
     const Rows& rows = session->rows.messages[i];
     if (rows.offsets.empty()) continue;
-    out.push_back(Node::Map{{"message", i},
-                            {"rows", rows.offsets.size()},
-                            {"t", address_of(rows.times.data())},
-                            {"columns", columns_node(session->protocol->messages()[i], rows)}});
+    MessageColumns& of = open_columns()[i];
+    fill(session->protocol->messages()[i], rows, of);
+    put(i);
+    put(rows.offsets.size());
+    put(address_of(rows.times.data()));
+    for (std::size_t column = 0; column < of.columns.size(); ++column) {
+      if (!of.columns[column].holds_values()) put(address_of(of.values[column].data()));
+    }
   }
-  return Node(std::move(out));
+  return result.data();
 }
 
 }  // namespace
@@ -271,28 +298,40 @@ WIREBOND_EXPORT(encode) const std::uint8_t* wirebond_encode(unsigned sender) {
 
 // ---- many messages
 
-/// Input: bytes of one read. Result: see `rows_node`; the addresses are good until the next call.
-WIREBOND_EXPORT(follow) const std::uint8_t* wirebond_follow(unsigned sender, double t) {
-  return answered([&] {
-    const std::uint64_t end = input.size();
-    const double time = t * 1e-6;
-    Reads reads;
-    reads.ends = &end;
-    reads.times = &time;
-    reads.count = 1;
-    Follower& follower = follower_of(sender);
-    session->rows = follower.feed(input.data(), reads);
-    return rows_node();
+/// Result: by message the columns of its numbers: a list of names, and how many numbers there are in each row.
+WIREBOND_EXPORT(columns) const std::uint8_t* wirebond_columns() {
+  return answered([] {
+    Node::List out;
+    for (const MessageColumns& of : open_columns()) {
+      Node::List names;
+      for (const Column& column : of.columns) {
+        if (column.holds_values()) continue;
+        names.push_back(Node::List{column.name, column.field->digits ? 1u : column.field->count});
+      }
+      out.emplace_back(std::move(names));
+    }
+    return Node(std::move(out));
   });
+}
+
+/// Input: bytes of one read. Result: see `rows_as_words`; the addresses are good until the next call.
+WIREBOND_EXPORT(follow) const std::uint8_t* wirebond_follow(unsigned sender, double t) {
+  const std::uint64_t end = input.size();
+  const double time = t * 1e-6;
+  Reads reads;
+  reads.ends = &end;
+  reads.times = &time;
+  reads.count = 1;
+  Follower& follower = follower_of(sender);
+  session->rows = follower.feed(input.data(), reads);
+  return rows_as_words();
 }
 
 /// A read found nothing.
 WIREBOND_EXPORT(follow_idle) const std::uint8_t* wirebond_follow_idle(unsigned sender, double t) {
-  return answered([&] {
-    Follower& follower = follower_of(sender);
-    session->rows = follower.idle(t * 1e-6);
-    return rows_node();
-  });
+  Follower& follower = follower_of(sender);
+  session->rows = follower.idle(t * 1e-6);
+  return rows_as_words();
 }
 
 // ---- the host's link

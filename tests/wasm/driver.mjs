@@ -45,9 +45,10 @@ for (;;) {
     const at = exports.input(input.length);
     new Uint8Array(exports.memory.buffer).set(input, at);
     answer = exports[name](...args) ?? null;
-    if (answer === Infinity) answer = "Infinity";
     const size = exports.result_size();
-    bytes = Buffer.from(new Uint8Array(exports.memory.buffer, answer > 0 ? answer : 0, answer > 0 ? size : 0));
+    const isAddress = answer > 0 && answer + size <= exports.memory.buffer.byteLength; // or any number
+    bytes = Buffer.from(new Uint8Array(exports.memory.buffer, isAddress ? answer : 0, isAddress ? size : 0));
+    if (answer === Infinity) answer = "Infinity";
   }
   const head = Buffer.from(JSON.stringify(answer));
   const lengths = Buffer.alloc(8);

@@ -67,7 +67,9 @@ class Module:
     def open(self, codec: Codec) -> None:
         self.call("open", data=session_table(codec.model))
 
-    def encode(self, codec: Codec, message: str, fields: Mapping[str, Any], header: Mapping[str, Any], end: End) -> bytes:
+    def encode(
+        self, codec: Codec, message: str, fields: Mapping[str, Any], header: Mapping[str, Any], end: End
+    ) -> bytes:
         asked = (codec.tables.indices[message], fields, header)
         return bytes(self.call("encode", sender_number(end), data=msgspec.msgpack.encode(asked)))
 
