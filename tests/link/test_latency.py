@@ -10,7 +10,7 @@ import pytest
 import wirebond
 from tests.link.mcu import Mcu, linked
 from tests.shared import codec
-from tests.waiting import PATIENCE, let_pass, moments, wait_until
+from tests.waiting import PATIENCE, Stopwatch, let_pass, moments, wait_until
 from wirebond import MessageError, UsageError
 from wirebond.link import Link
 from wirebond.sim.latency import Measurement, measure, probe_for
@@ -102,8 +102,13 @@ def test_one_way_times_add_up_within_their_bound() -> None:
 
     with linked(NATIVE, answer) as (link, _):
         wait_until(lambda: link.clock is not None, "the clock")
+        watch = Stopwatch()
         into = measured(link, 20)
     assert len(into.to_mcu) == len(into.to_host) == 20
+    # Where the MCU answers at once, both ways together are an exchange, whatever the two clocks differ by.
+    together = [there + back for there, back in zip(into.to_mcu, into.to_host, strict=True)]
+    assert min(together) > 0
+    assert sum(together) < watch.seconds
     assert min(into.to_mcu) > -into.one_way_error
     assert min(into.to_host) > -into.one_way_error
 

@@ -64,6 +64,11 @@ def test_a_fixed_host_leaves_the_devices_queue_to_us() -> None:
     rules = found("host")
     assert "frequent-magic" not in rules
     assert not {"no-emergency-stop", "no-deadline"} & rules.keys()
+    long_runs = TEXT.replace("baud: 9600", "baud: 9600, max_run: 100 ms").replace("max: 500", "max: 4")
+    for fixed in ("host", "mcu", "both"):
+        findings = lint(Codec(loads(long_runs.replace("link:", f"fixed: {fixed}\nlink:")))).findings
+        remedies = [finding.remedy for finding in findings if finding.rule == "urgent-wait"]
+        assert ["max_run" in remedy for remedy in remedies] == ([True] if fixed == "host" else [])
 
 
 def test_it_changes_no_byte() -> None:
