@@ -1,5 +1,4 @@
-// Converts a whole capture to numpy columns, without a Python object per message.
-// One file: a capture is cut into parts, and the parts are joined again.
+// Captures and streams as numpy columns, without a Python object per message.
 #include "columns.hpp"
 
 #include <nanobind/ndarray.h>
