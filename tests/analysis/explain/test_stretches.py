@@ -192,5 +192,5 @@ def test_the_worst_bytes_are_explained_in_bounded_time(data: bytes) -> None:
     assert len(explanation.stretches) < len(data) / 4
 
 
-def test_every_part_kind_of_the_model_has_a_meaning() -> None:
-    assert set(parts._MEANINGS) == set(PartKind)
+def test_every_kind_of_part_has_its_words() -> None:
+    assert set(parts._WORDS) == set(PartKind)

@@ -11,9 +11,8 @@ from tests.shared import loaded
 
 import wirebond
 from wirebond.codec import Codec
-from wirebond.generate.doc import frame, markdown
+from wirebond.generate.doc import markdown
 from wirebond.protocol import loads
-from wirebond.protocol.model import PartKind
 
 ROOT = Path(__file__).resolve().parents[3]
 FILES = sorted([*(ROOT / "protocols").glob("*.yaml"), *(ROOT / "tests" / "formats").glob("*.yaml")])
@@ -125,10 +124,6 @@ def test_text_of_the_file_cannot_break_a_table(tmp_path: Path) -> None:
     source = (ROOT / "protocols" / "diffdrive.yaml").read_text()
     file.write_text(source.replace("description: forwards", 'description: "a | b <script> `x"'))
     assert r"| a \| b &lt;script> `x |" in markdown(wirebond.load(file))
-
-
-def test_every_kind_of_part_has_its_words() -> None:
-    assert set(frame._CONTENTS) == set(PartKind)
 
 
 def test_a_log_line_stands_with_its_text_and_level() -> None:

@@ -1,4 +1,7 @@
-"""What the bytes of each kind of part mean, in a few words."""
+"""Each kind of part in words: what it has in every frame, a receiver's rule for it, and what its bytes mean in one.
+
+One file: a kind of part is described in one place, for the document and for `explain`.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from wirebond.analysis.check.wording import plural
 from wirebond.analysis.explain.layout import (
     check_value,
     counted_beside_payload,
@@ -32,16 +36,22 @@ from wirebond.protocol.model import (
     Message,
     Part,
     PartKind,
+    PayloadRule,
     Protocol,
 )
 from wirebond.protocol.model.forms import header_of
 from wirebond.protocol.spelling import ranges_text, sequence_text
 
-_COUNTED = {
-    LengthCounts.PAYLOAD: "payload bytes",
-    LengthCounts.REST: "bytes that follow it",
-    LengthCounts.SELF_AND_REST: "bytes from itself on",
-    LengthCounts.FRAME: "bytes of the whole frame",
+_COUNTED = {  # in a document, and of one frame
+    LengthCounts.PAYLOAD: ("the payload's bytes", "payload bytes"),
+    LengthCounts.REST: ("all bytes of the frame that follow it", "bytes that follow it"),
+    LengthCounts.SELF_AND_REST: ("its own bytes and all that follow", "bytes from itself on"),
+    LengthCounts.FRAME: ("all bytes of the frame", "bytes of the whole frame"),
+}
+_PAYLOADS = {
+    PayloadRule.BY_LENGTH: "as many bytes as the length says",
+    PayloadRule.BY_ID: "as many bytes as the message has",
+    PayloadRule.REST: "all that lies between the other parts; no length is sent",
 }
 
 
@@ -76,12 +86,48 @@ class Context:
         return spans(self.parts, self.verdict.payload_size or 0)
 
 
+@dataclass(frozen=True)
+class PartWords:
+    """One kind of part.
+
+    :ivar content: what it has in every frame; of the part with this index.
+    :ivar meaning: what its bytes mean, which are all there.
+    :ivar rule: what a receiver demands of it, where that is not in its constants.
+    """
+
+    content: Callable[[Protocol, int], str]
+    meaning: Callable[[Context], str]
+    rule: Callable[[Protocol, int], str] | None = None
+
+
+def words_of(part: Part) -> PartWords:
+    if part.kind not in _WORDS:
+        raise NotImplementedError(f"parts.py has no entry for the part '{part.kind}'")
+    return _WORDS[part.kind]
+
+
 def meaning(context: Context) -> str:
     """Of a part whose bytes are all there."""
-    kind = context.part.kind
-    if kind not in _MEANINGS:
-        raise NotImplementedError(f"parts.py has no entry for the part '{kind}'")
-    return _MEANINGS[kind](context)
+    return words_of(context.part).meaning(context)
+
+
+def rules_of(protocol: Protocol, index: int) -> list[str]:
+    """What a receiver demands of this part."""
+    part = protocol.format.parts[index]
+    rules = []
+    if part.value:
+        wanted = _constant_content(protocol, index).removeprefix("always ")
+        rules.append(f"the {part.name} is {wanted}{_there(part)}")
+    if any(run.role == BitRole.CONSTANT for run in part.bits):
+        rules.append(f"the bits of {part.name} that are always the same are so")
+    rule = words_of(part).rule
+    if any(run.role == BitRole.LENGTH for run in part.bits):
+        rules.append(_length_rule(protocol, f"length in {part.name}"))
+    return rules if rule is None else [*rules, rule(protocol, index)]
+
+
+def _there(part: Part) -> str:
+    return "" if part.condition is None else ", where it is there"
 
 
 def sent_by(message: Message) -> str:
@@ -117,7 +163,7 @@ def _length(context: Context) -> str:
 def length_text(context: Context, number: int) -> str:
     part = context.part
     beside = counted_beside_payload(context.parts, context.index)
-    counted = _COUNTED[part.counts] + (f" {part.length_offset:+d}" if part.length_offset else "")
+    counted = _COUNTED[part.counts][1] + (f" {part.length_offset:+d}" if part.length_offset else "")
     if part.length_unit != 1:
         return f"{number} times {part.length_unit} {counted}"
     return f"{number} {counted}" + (f": {number - beside} in the payload" if beside else "")
@@ -229,17 +275,82 @@ def _check(context: Context) -> str:
     return f"{text}: holds" if holds else f"{text}: is {shown_check(part, expected)}"
 
 
+# ---- what a part has in every frame
+
+
+def _constant_content(protocol: Protocol, index: int) -> str:
+    part = protocol.format.parts[index]
+    if part.by_sender:
+        return "always " + ", ".join(f"`{hex_of(value)}` from the {spoken(end)}" for end, value in part.by_sender)
+    return "always " + " or ".join(f"`{hex_of(value)}`" for value in part.alternatives or (part.value,))
+
+
+def _length_content(protocol: Protocol, index: int) -> str:
+    part = protocol.format.parts[index]
+    offset = f", {part.length_offset:+d}" if part.length_offset else ""
+    unit = f", in units of {part.length_unit} bytes" if part.length_unit != 1 else ""
+    return f"counts {_COUNTED[part.counts][0]}{offset}{unit}"
+
+
+def _payload_content(protocol: Protocol, index: int) -> str:
+    part = protocol.format.parts[index]
+    if part.payload == PayloadRule.FIXED:
+        return "the message's fields; shorter messages are padded with zeros"
+    trimmed = "; zeros at its end are not sent, and put back by the receiver" if part.trims_zeros else ""
+    optional = part.payload == PayloadRule.BY_LENGTH and all(
+        p.condition is not None
+        for p in protocol.format.parts
+        if p.kind == PartKind.LENGTH or any(run.role == BitRole.LENGTH for run in p.bits)
+    )
+    none = ", and none where the length is not there" if optional else ""
+    return f"the message's fields; {_PAYLOADS[part.payload]}{none}{trimmed}"
+
+
+def _bits_content(protocol: Protocol, index: int) -> str:
+    part = protocol.format.parts[index]
+    length = any(run.role == BitRole.LENGTH for run in part.bits)
+    return "shared by its bits, see below" + (f"; the length {_length_content(protocol, index)}" if length else "")
+
+
+def _sequence_content(protocol: Protocol, index: int) -> str:
+    header = protocol.format.parts[index].header
+    assert header is not None, "a sequence number is a header field"
+    return sequence_text(header)
+
+
+def _check_content(protocol: Protocol, index: int) -> str:
+    return check_text(protocol.format.parts, protocol.format.parts[index])
+
+
+def _always(text: str) -> Callable[[Protocol, int], str]:
+    return lambda protocol, index: text  # noqa: ARG005  (as the others have it)
+
+
+# ---- what a receiver demands
+
+
+def _length_rule(protocol: Protocol, number: str) -> str:
+    return f"the {number} means a payload of at most {plural(protocol.format.max_payload, 'byte')}"
+
+
+def _check_rule(protocol: Protocol, index: int) -> str:
+    part = protocol.format.parts[index]
+    return f"the {part.name} holds{_there(part)} ({check_text(protocol.format.parts, part)})"
+
+
 # One entry for each kind of part in the model.
-_MEANINGS: dict[PartKind, Callable[[Context], str]] = {
-    PartKind.MAGIC: _constant("begins every frame"),
-    PartKind.CONSTANT: _constant("always the same"),
-    PartKind.TAIL: _constant("ends every frame"),
-    PartKind.LENGTH: _length,
-    PartKind.ID: _id,
-    PartKind.RESERVED: _reserved,
-    PartKind.PAYLOAD: _payload,
-    PartKind.CHECK: _check,
-    PartKind.FIELD: _field,
-    PartKind.SEQUENCE: _sequence,
-    PartKind.BITS: _bits,
+_WORDS: dict[PartKind, PartWords] = {
+    PartKind.MAGIC: PartWords(_constant_content, _constant("begins every frame")),
+    PartKind.CONSTANT: PartWords(_constant_content, _constant("always the same")),
+    PartKind.TAIL: PartWords(_constant_content, _constant("ends every frame")),
+    PartKind.LENGTH: PartWords(
+        _length_content, _length, lambda protocol, index: _length_rule(protocol, protocol.format.parts[index].name)
+    ),
+    PartKind.ID: PartWords(_always("the message's id"), _id),
+    PartKind.RESERVED: PartWords(_always("sent as 0, ignored by the receiver"), _reserved),
+    PartKind.PAYLOAD: PartWords(_payload_content, _payload),
+    PartKind.CHECK: PartWords(_check_content, _check, _check_rule),
+    PartKind.FIELD: PartWords(_always("a header field, see below"), _field),
+    PartKind.SEQUENCE: PartWords(_sequence_content, _sequence),
+    PartKind.BITS: PartWords(_bits_content, _bits),
 }

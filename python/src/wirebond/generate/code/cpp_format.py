@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from dataclasses import fields
 
 from wirebond.generate.code.cpp_field import bool_literal, comment_text
 from wirebond.protocol.model import Algorithm, ByteOrder, CheckKind, OddTail
-from wirebond.protocol.plan import Exclusion, Framing, HeaderNumber, Number, Plan, Position
+from wirebond.protocol.plan import Exclusion, Form, Framing, HeaderNumber, Number, Plan, Position
 
 
 def format_sizes(plans: Iterable[Plan]) -> tuple[int, int]:
@@ -67,34 +68,19 @@ def format_lines(plan: Plan) -> list[str]:
     excluded = 0
     for number, form in enumerate(plan.forms):
         to = f"format.forms[{number}]"
-        counts = {
-            "prefix": form.prefix,
-            "suffix": form.suffix,
-            "prefix_constants": form.prefix_constants,
-            "constant_count": len(form.constants),
-            "header_checks": form.header_checks,
-            "check_count": len(form.checks),
-            "length_bias": form.length_bias,
-            "fixed_payload": form.fixed_payload,
-            "header_count": len(form.header),
-            "first_exclusion": excluded if form.exclusions else 0,
-            "exclusion_count": len(form.exclusions),
-            "id_mask": form.id_mask,
-            "id_value": form.id_value,
-        }
         for exclusion in form.exclusions:
             lines.append(f"format.exclusions[{excluded}] = {_exclusion(exclusion)};")
             excluded += 1
         lines.append(f"{to}.payload_size = wirebond::PayloadSize::{form.payload.value};")
+        lines += [f"{to}.{name} = {text};" for name, text in _plain_members(form)]
+        counts = {
+            "constant_count": len(form.constants),
+            "check_count": len(form.checks),
+            "header_count": len(form.header),
+            "first_exclusion": excluded - len(form.exclusions) if form.exclusions else 0,
+            "exclusion_count": len(form.exclusions),
+        }
         lines += [f"{to}.{name} = {value};" for name, value in counts.items() if value]
-        if form.trims_zeros:
-            lines.append(f"{to}.trims_zeros = true;")
-        if form.length_unit != 1:
-            lines.append(f"{to}.length_unit = {form.length_unit};")
-        if form.payload_unit != 1:
-            lines.append(f"{to}.payload_unit = {form.payload_unit};")
-            lines.append(f"{to}.payload_rest = {form.payload_rest};")
-        lines += [f"{to}.{n} = {_number(v)};" for n, v in (("length", form.length), ("id", form.id)) if v]
         lines += [
             f"{to}.constants[{i}] = {{{_position(c.at)}, 0x{c.mask:02X}, 0x{c.value:02X}}};"
             for i, c in enumerate(form.constants)
@@ -117,6 +103,20 @@ def format_lines(plan: Plan) -> list[str]:
             if c.covers_run:
                 lines.append(f"{to}.checks[{i}].covers_run = true;")
     return lines
+
+
+def _plain_members(form: Form) -> Iterator[tuple[str, str]]:
+    """The numbers of a form by their names in `wirebond::Form`, where they are not what it begins with."""
+    begins_with = {"length_unit": 1, "payload_unit": 1}
+    for member in fields(form):
+        value = getattr(form, member.name)
+        if isinstance(value, Number):
+            yield member.name, _number(value)
+        elif isinstance(value, bool):
+            if value:
+                yield member.name, bool_literal(value)
+        elif isinstance(value, int) and value != begins_with.get(member.name, 0):
+            yield member.name, str(value)
 
 
 def _mark(delimiter: bytes) -> str:

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
-from wirebond.analysis.check.wording import plural, seconds
+from wirebond.analysis.check.wording import seconds
 from wirebond.analysis.checksum import checksum
 from wirebond.analysis.explain.layout import hex_of, spans
-from wirebond.analysis.explain.parts import check_text
+from wirebond.analysis.explain.parts import check_text, rules_of, words_of
 from wirebond.generate.doc import snippets
 from wirebond.generate.doc.diagram import diagram
 from wirebond.generate.doc.table import table
-from wirebond.protocol.meaning.messages import spoken
 from wirebond.protocol.model import (
     Algorithm,
     BitRole,
     ByteOrder,
     CheckKind,
     FrameFormat,
-    LengthCounts,
     OddTail,
     Part,
     PartKind,
@@ -28,20 +25,9 @@ from wirebond.protocol.model import (
     Stuffing,
     decimal_digits,
 )
-from wirebond.protocol.spelling import condition_text, field_type, number_type, sequence_text
+from wirebond.protocol.spelling import condition_text, field_type, number_type
 
-_COUNTS = {
-    LengthCounts.PAYLOAD: "the payload's bytes",
-    LengthCounts.REST: "all bytes of the frame that follow it",
-    LengthCounts.SELF_AND_REST: "its own bytes and all that follow",
-    LengthCounts.FRAME: "all bytes of the frame",
-}
 _NUMBERS = (PartKind.LENGTH, PartKind.ID, PartKind.CHECK, PartKind.FIELD, PartKind.SEQUENCE, PartKind.BITS)
-_PAYLOADS = {
-    PayloadRule.BY_LENGTH: "as many bytes as the length says",
-    PayloadRule.BY_ID: "as many bytes as the message has",
-    PayloadRule.REST: "all that lies between the other parts; no length is sent",
-}
 
 
 def frame_chapter(protocol: Protocol) -> list[str]:
@@ -68,7 +54,7 @@ def _rows(protocol: Protocol) -> list[tuple[str, ...]]:
         if part.in_bits is not None:
             continue
         there_if = "" if part.condition is None else f"`{condition_text(part.condition)}`"
-        content = _content(protocol, index)
+        content = words_of(part).content(protocol, index)
         rows.append((part.name, offset if firm else "", shown, _type(part), content, there_if))
         firm = firm and part.condition is None
     return rows
@@ -189,68 +175,6 @@ def _checks_and_stuffing(frame_format: FrameFormat) -> str:
     )
 
 
-def _content(protocol: Protocol, index: int) -> str:
-    part = protocol.format.parts[index]
-    if part.kind not in _CONTENTS:
-        raise NotImplementedError(f"frame.py has no entry for the part '{part.kind}'")
-    return _CONTENTS[part.kind](protocol, index)
-
-
-def _constant(protocol: Protocol, index: int) -> str:
-    part = protocol.format.parts[index]
-    if part.by_sender:
-        return "always " + ", ".join(f"`{hex_of(value)}` from the {spoken(end)}" for end, value in part.by_sender)
-    return "always " + " or ".join(f"`{hex_of(value)}`" for value in part.alternatives or (part.value,))
-
-
-def _length(protocol: Protocol, index: int) -> str:
-    part = protocol.format.parts[index]
-    offset = f", {part.length_offset:+d}" if part.length_offset else ""
-    unit = f", in units of {part.length_unit} bytes" if part.length_unit != 1 else ""
-    return f"counts {_COUNTS[part.counts]}{offset}{unit}"
-
-
-def _payload(protocol: Protocol, index: int) -> str:
-    part = protocol.format.parts[index]
-    if part.payload == PayloadRule.FIXED:
-        return "the message's fields; shorter messages are padded with zeros"
-    trimmed = "; zeros at its end are not sent, and put back by the receiver" if part.trims_zeros else ""
-    optional = part.payload == PayloadRule.BY_LENGTH and all(
-        p.condition is not None
-        for p in protocol.format.parts
-        if p.kind == PartKind.LENGTH or any(run.role == BitRole.LENGTH for run in p.bits)
-    )
-    none = ", and none where the length is not there" if optional else ""
-    return f"the message's fields; {_PAYLOADS[part.payload]}{none}{trimmed}"
-
-
-def _bits_content(protocol: Protocol, index: int) -> str:
-    part = protocol.format.parts[index]
-    length = any(run.role == BitRole.LENGTH for run in part.bits)
-    return "shared by its bits, see below" + (f"; the length {_length(protocol, index)}" if length else "")
-
-
-def _sequence(protocol: Protocol, index: int) -> str:
-    header = protocol.format.parts[index].header
-    assert header is not None, "a sequence number is a header field"
-    return sequence_text(header)
-
-
-# One entry for each kind of part in the model.
-_CONTENTS: dict[PartKind, Callable[[Protocol, int], str]] = {
-    PartKind.MAGIC: _constant,
-    PartKind.CONSTANT: _constant,
-    PartKind.TAIL: _constant,
-    PartKind.LENGTH: _length,
-    PartKind.ID: lambda protocol, index: "the message's id",  # noqa: ARG005  (the table's signature)
-    PartKind.RESERVED: lambda protocol, index: "sent as 0, ignored by the receiver",  # noqa: ARG005
-    PartKind.PAYLOAD: _payload,
-    PartKind.FIELD: lambda protocol, index: "a header field, see below",  # noqa: ARG005
-    PartKind.SEQUENCE: _sequence,
-    PartKind.BITS: _bits_content,
-    PartKind.CHECK: lambda protocol, index: check_text(protocol.format.parts, protocol.format.parts[index]),
-}
-
 _COBS = [
     "COBS (Consistent Overhead Byte Stuffing), so that it holds no",
     "zero. The bytes are cut at each zero into runs; each run is sent behind a code byte that is its length plus one,",
@@ -260,26 +184,11 @@ _COBS = [
 
 
 def _rules(protocol: Protocol) -> list[str]:
-    frame_format = protocol.format
-    rules = []
-    for part in frame_format.parts:
-        there = "" if part.condition is None else ", where it is there"
-        if part.value:
-            wanted = _constant(protocol, frame_format.parts.index(part)).removeprefix("always ")
-            rules.append(f"the {part.name} is {wanted}{there};")
-        if any(run.role == BitRole.CONSTANT for run in part.bits):
-            rules.append(f"the bits of {part.name} that are always the same are so;")
-        if part.kind == PartKind.LENGTH or any(run.role == BitRole.LENGTH for run in part.bits):
-            number = part.name if part.kind == PartKind.LENGTH else f"length in {part.name}"
-            rules.append(f"the {number} means a payload of at most {plural(frame_format.max_payload, 'byte')};")
-        if part.kind == PartKind.CHECK:
-            rules.append(f"the {part.name} holds{there} ({check_text(frame_format.parts, part)});")
-    if not frame_format.deliver_unknown:
-        rules.append("the id is known, and the payload has a size that the message can have;")
-    if not rules:
-        rules.append("its size fits;")
-    rules[-1] = rules[-1][:-1] + "."
-    return [f"- {rule}" for rule in rules]
+    rules = [rule for index in range(len(protocol.format.parts)) for rule in rules_of(protocol, index)]
+    if not protocol.format.deliver_unknown:
+        rules.append("the id is known, and the payload has a size that the message can have")
+    rules = rules or ["its size fits"]
+    return [f"- {rule};" for rule in rules[:-1]] + [f"- {rules[-1]}."]
 
 
 def _after_a_failure(protocol: Protocol) -> list[str]:
