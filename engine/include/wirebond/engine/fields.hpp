@@ -279,7 +279,7 @@ void check_string(const FieldTable& field, std::string_view data, const Path& pa
 /// Write a number in characters at its place: its bits.
 void write_characters(const FieldTable& field, std::size_t place, std::uint64_t raw, Build& build);
 
-/// May nobody give it a value? Of structures that are always there each field takes its own default.
+/// Check whether a caller may leave the field out. A structure that is always there takes the defaults of its fields.
 bool may_be_left_out(const FieldTable& field);
 
 /// `outer`: counters in the surrounding list of fields, if these are bits; otherwise null.
