@@ -212,7 +212,7 @@ nb::object CdrPacker::pack_one(const Message& message, std::int64_t stamp_ns) co
   const bool fits = static_cast<std::int32_t>(seconds) == seconds;
   if (!fits && !seconds_.empty()) return nb::none();
   nb::bytes out(data_.data(), data_.size());
-  auto* const to = reinterpret_cast<std::uint8_t*>(PyBytes_AS_STRING(out.ptr()));  // no other reference exists yet
+  auto* const to = reinterpret_cast<std::uint8_t*>(PyBytes_AsString(out.ptr()));  // no other reference exists yet
   for (const std::size_t at : seconds_) store(to + at, static_cast<std::int32_t>(seconds));
   for (const std::size_t at : nanoseconds_) store(to + at, static_cast<std::uint32_t>(rest));
   const std::uint8_t* const payload = batch.bytes.data() + event.payload_at;

@@ -16,7 +16,7 @@ namespace wirebond::engine {
 BufferView::BufferView(nb::handle object) {
   if (PyObject_CheckBuffer(object.ptr()) == 0) {
     PyErr_Format(PyExc_TypeError, "expected bytes, a bytearray, a memoryview or another buffer, not %s",
-                 Py_TYPE(object.ptr())->tp_name);
+                 name_of_type(object).c_str());
     throw nb::python_error();
   }
   if (PyObject_GetBuffer(object.ptr(), &view_, PyBUF_SIMPLE) == 0) {

@@ -1,6 +1,8 @@
 // Nodes as Python objects and back, and what Python keeps for tables: names as interned texts, defaults as objects.
 #include "objects.hpp"
 
+#include <nanobind/stl/string.h>
+
 #include <cstdint>
 #include <stdexcept>
 #include <utility>
@@ -34,6 +36,8 @@ nb::object steal(PyObject* object) {
 
 nb::object interned(const std::string& text) { return steal(PyUnicode_InternFromString(text.c_str())); }
 
+std::string name_of_type(nb::handle object) { return nb::cast<std::string>(nb::object(object.type().attr("__name__"))); }
+
 nb::object to_object(const Node& node) {
   if (node.is_none()) return nb::none();
   if (node.is_bool()) return nb::borrow(node.as<bool>() ? Py_True : Py_False);
@@ -63,7 +67,7 @@ Node to_node(nb::handle object) {
     const long long number = PyLong_AsLongLongAndOverflow(at, &overflow);
     return overflow == 0 ? Node(number) : Node(nb::cast<std::uint64_t>(object));
   }
-  if (PyFloat_Check(at)) return Node(PyFloat_AS_DOUBLE(at));
+  if (PyFloat_Check(at)) return Node(PyFloat_AsDouble(at));
   if (PyUnicode_Check(at)) {
     Py_ssize_t size = 0;
     const char* const text = PyUnicode_AsUTF8AndSize(at, &size);
@@ -71,8 +75,8 @@ Node to_node(nb::handle object) {
     return Node(std::string(text, static_cast<std::size_t>(size)));
   }
   if (PyBytes_Check(at)) {
-    const auto* const from = reinterpret_cast<const std::uint8_t*>(PyBytes_AS_STRING(at));
-    return Node(Node::Bytes(from, from + PyBytes_GET_SIZE(at)));
+    const auto* const from = reinterpret_cast<const std::uint8_t*>(PyBytes_AsString(at));
+    return Node(Node::Bytes(from, from + PyBytes_Size(at)));
   }
   if (PyTuple_Check(at) || PyList_Check(at)) {
     Node::List out;

@@ -20,6 +20,9 @@ nb::object steal(PyObject* object);
 /// Return the text, the same object for equal texts. Needs the GIL.
 nb::object interned(const std::string& text);
 
+/// Return the name of the object's type. Needs the GIL.
+std::string name_of_type(nb::handle object);
+
 /// Convert a node to None, bool, int, float, str, bytes, list or dict. Needs the GIL.
 nb::object to_object(const Node& node);
 

@@ -10,15 +10,14 @@ namespace {
 nb::object message_error() { return nb::module_::import_("wirebond.errors").attr("MessageError"); }
 
 std::string no_number(const Path& path, nb::handle value) {
-  return path.text() + " is " + PythonValues::shown(value) + " (" + PythonValues::type_name(value) +
-         "); expected a number";
+  return path.text() + " is " + PythonValues::shown(value) + " (" + name_of_type(value) + "); expected a number";
 }
 
 /// Check whether its type defines how it becomes a number. An exception of that function belongs to the caller, and
 /// passes.
 bool is_number(nb::handle value) {
-  const PyNumberMethods* const methods = Py_TYPE(value.ptr())->tp_as_number;
-  return methods != nullptr && (methods->nb_float != nullptr || methods->nb_index != nullptr);
+  auto* const type = reinterpret_cast<PyTypeObject*>(value.type().ptr());
+  return PyType_GetSlot(type, Py_nb_float) != nullptr || PyType_GetSlot(type, Py_nb_index) != nullptr;
 }
 
 /// Raise MessageError for a value that could have been a number, with its exception as the cause.

@@ -44,7 +44,7 @@ struct PythonValues {
   static nb::object flag(const FieldTable& field, std::size_t i) { return FieldObjects::of(field).flags[i]; }
   static nb::object make_list(std::size_t size) { return steal(PyList_New(static_cast<Py_ssize_t>(size))); }
   static void put(nb::object& list, std::size_t i, nb::object&& value) {
-    PyList_SET_ITEM(list.ptr(), static_cast<Py_ssize_t>(i), value.release().ptr());
+    PyList_SetItem(list.ptr(), static_cast<Py_ssize_t>(i), value.release().ptr());
   }
   static void append(nb::object& list, nb::object&& value) {
     if (PyList_Append(list.ptr(), value.ptr()) != 0) throw nb::python_error();
@@ -131,14 +131,14 @@ struct PythonValues {
 
   /// Return a value's `repr`, shortened. Never raises: Python cannot print an integer of more than 4 300 digits.
   static std::string shown(nb::handle value);
-  static std::string type_name(nb::handle value) { return Py_TYPE(value.ptr())->tp_name; }
+  static std::string type_name(nb::handle value) { return name_of_type(value); }
 
   /// The bytes of a text, or of a bytes-like object.
   class Characters {
    public:
     Characters(const FieldTable& field, nb::handle value, const Path& path);
     std::string_view view() const {
-      return {PyBytes_AS_STRING(bytes_.ptr()), static_cast<std::size_t>(PyBytes_GET_SIZE(bytes_.ptr()))};
+      return {PyBytes_AsString(bytes_.ptr()), static_cast<std::size_t>(PyBytes_Size(bytes_.ptr()))};
     }
 
    private:
