@@ -57,10 +57,14 @@ wheel: build/requirements.stamp build/page.stamp ## the Python package for this 
 	  --config-settings=build-dir=build/wheel-engine --wheel-dir build/wheel .
 	@ls build/wheel/*.whl
 
+.PHONY: wheels
+wheels: build/setup.stamp build/requirements-dev.stamp build/page.stamp ## Python packages for x86-64 and 64-bit ARM, in build/wheels (ARGS="--only x86_64")
+	@$(PYTHON) setup/wheels.py $(ARGS)
+
 .PHONY: lint
 lint: build/setup-test.stamp ## format, linters, strict types, dependency rules
-	@$(VENV)/bin/ruff format --check --quiet python ros2 tests bench
-	@$(VENV)/bin/ruff check --quiet python ros2 tests bench
+	@$(VENV)/bin/ruff format --check --quiet python ros2 tests bench setup setup
+	@$(VENV)/bin/ruff check --quiet python ros2 tests bench setup
 	@clang-format-14 --dry-run --Werror $(CPP_SOURCES)
 	@$(VENV)/bin/mypy
 	@$(PYTHON) tests/architecture/dependency_rules.py
@@ -70,8 +74,8 @@ lint: build/setup-test.stamp ## format, linters, strict types, dependency rules
 
 .PHONY: format
 format: build/setup-test.stamp ## write the format that lint checks
-	@$(VENV)/bin/ruff format --quiet python ros2 tests bench
-	@$(VENV)/bin/ruff check --quiet --fix python ros2 tests bench
+	@$(VENV)/bin/ruff format --quiet python ros2 tests bench setup
+	@$(VENV)/bin/ruff check --quiet --fix python ros2 tests bench setup
 	@clang-format-14 -i $(CPP_SOURCES)
 	@if [ -e build/page.stamp ]; then cd console && npm run --silent format; fi
 

@@ -36,7 +36,9 @@ nb::object steal(PyObject* object) {
 
 nb::object interned(const std::string& text) { return steal(PyUnicode_InternFromString(text.c_str())); }
 
-std::string name_of_type(nb::handle object) { return nb::cast<std::string>(nb::object(object.type().attr("__name__"))); }
+std::string name_of_type(nb::handle object) {
+  return nb::cast<std::string>(nb::object(object.type().attr("__name__")));
+}
 
 nb::object to_object(const Node& node) {
   if (node.is_none()) return nb::none();

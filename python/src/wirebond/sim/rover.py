@@ -7,8 +7,10 @@ from pathlib import Path
 from wirebond import paths
 from wirebond.codec import load
 from wirebond.generate.code import generate_cpp
-from wirebond.sim.build import cache, compile_once
+from wirebond.sim.build import Program, cache, compile_once, shipped
 from wirebond.sim.process import FirmwareProcess
+
+NAME = "rover"
 
 
 def protocol_file() -> Path:
@@ -16,17 +18,29 @@ def protocol_file() -> Path:
     return paths.protocols() / "diffdrive.yaml"
 
 
-def build(folder: Path | None = None) -> Path:
-    """Compile the rover, unless a program from the same sources is there already; the program's path.
+def program(generated: Path) -> Program:
+    """Its program.
 
-    :raises WirebondError: there is no C++ compiler, or it fails.
+    :param generated: the folder that the code of its protocol is generated into.
     """
-    folder = folder or cache("rover")
-    generated = folder / "generated"
     generate_cpp(load(protocol_file()).model, generated)
     firmware = paths.firmware()
     includes = [generated, firmware, firmware / "rover", paths.posix_include()]
-    return compile_once("the rover", "rover", firmware / "rover" / "host" / "main.cpp", includes, folder)
+    return Program("the rover", NAME, firmware / "rover" / "host" / "main.cpp", includes)
+
+
+def build(folder: Path | None = None) -> Path:
+    """The compiled rover: the one that came with the package; without one it is compiled, once for its sources.
+
+    :param folder: compile it in this folder, whatever came with the package.
+    :raises WirebondError: there is no C++ compiler, or it fails.
+    """
+    if folder is None:
+        ready = shipped(NAME)
+        if ready is not None:
+            return ready
+        folder = cache(NAME)
+    return compile_once(program(folder / "generated"), folder)
 
 
 class RoverProcess(FirmwareProcess):

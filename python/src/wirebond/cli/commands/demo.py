@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from rich.markup import escape
 
+from wirebond.cli.commands.demo_rover import rover_program
 from wirebond.cli.dashboard import Dashboard
 from wirebond.cli.output import console
 from wirebond.cli.picture import picture
@@ -93,8 +94,7 @@ def run_demo(seconds: float | None, in_terminal: bool, open_browser: bool, ros2:
 
             return run_in_console(seconds, open_browser)
         console.print("the console's page was not built (that needs Node 20 or newer); so here is the terminal view")
-    console.print("building the rover's firmware for this machine …", style="dim")
-    program = rover.build()
+    program = rover_program()
     codec = load(rover.protocol_file())
     with rover.RoverProcess(program) as process, ended_by_signals(), open_link(codec, process.port) as link:
         console.print(f"rover on {process.port}, protocol {codec.name}", style="dim", soft_wrap=True)

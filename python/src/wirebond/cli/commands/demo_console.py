@@ -10,6 +10,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from wirebond.cli.commands.demo import Driver
+from wirebond.cli.commands.demo_rover import rover_program
 from wirebond.cli.output import console as terminal
 from wirebond.cli.output import errors
 from wirebond.cli.signals import ended_by_signals
@@ -28,8 +29,7 @@ _STEP = 0.1  # seconds between two steps of the drive
 
 def run_in_console(seconds: float | None, open_browser: bool) -> int:
     """Returns the exit code: 1 when nothing was received."""
-    terminal.print("building the rover's firmware for this machine …", style="dim")
-    program = rover.build()
+    program = rover_program()
     codec = load(rover.protocol_file())
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="wirebond-demo-")))

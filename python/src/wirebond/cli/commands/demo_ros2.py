@@ -8,6 +8,7 @@ import time
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
+from wirebond.cli.commands.demo_rover import rover_program
 from wirebond.cli.output import console as terminal
 from wirebond.cli.output import plain
 from wirebond.cli.signals import ended_by_signals
@@ -32,8 +33,7 @@ def run_for_ros(seconds: float | None, in_terminal: bool, open_browser: bool) ->
     """
     codec = load(rover.protocol_file())
     mapping = mapping_for(codec, None)
-    terminal.print("building the rover's firmware for this machine …", style="dim")
-    program = rover.build()
+    program = rover_program()
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="wirebond-demo-")))
         process = stack.enter_context(rover.RoverProcess(program))

@@ -15,7 +15,7 @@ from wirebond.codec import Codec
 from wirebond.errors import UsageError, WirebondError
 from wirebond.generate.code import generate_cpp
 from wirebond.protocol.model import End
-from wirebond.sim.build import cache, compile_once
+from wirebond.sim.build import Program, cache, compile_once
 from wirebond.sim.faults import LineFaults
 from wirebond.sim.soak.header import header
 from wirebond.sim.soak.mcu_cost import mcu_cpu_percent
@@ -58,7 +58,7 @@ def build(codec: Codec, mix: Mix, virtual: bool = True) -> Path:
     # The generated folder has the core but for what is the host's.
     includes = [generated, paths.sim() / "include", paths.sim() / "soak", paths.core_include(), paths.posix_include()]
     name, source = ("soak", "main.cpp") if virtual else ("soak-real-time", "real_time.cpp")
-    return compile_once("the soak", name, paths.sim() / "soak" / source, includes, folder)
+    return compile_once(Program("the soak", name, paths.sim() / "soak" / source, includes), folder)
 
 
 def periods(codec: Codec, mix: Mix, settings: Settings) -> dict[End, float]:

@@ -13,9 +13,10 @@ from typing import Any, NamedTuple, Self
 
 from wirebond import paths
 from wirebond.errors import WirebondError
-from wirebond.sim.build import cache, compile_once
+from wirebond.sim.build import Program, cache, compile_once, shipped
 from wirebond.sim.faults import LineFaults
 
+NAME = "wire"
 DIRECTIONS = ("a_to_b", "b_to_a")
 
 
@@ -68,13 +69,18 @@ class WireSettings(LineFaults):
         return [f"{name}_{key}={value}" for key, value in values.items()]
 
 
+def program() -> Program:
+    """Its program."""
+    includes = [paths.sim() / "include", paths.posix_include()]
+    return Program("the simulated wire", NAME, paths.sim() / "wire" / "main.cpp", includes)
+
+
 def build() -> Path:
-    """The program; it is compiled unless it is there already.
+    """The compiled program: the one that came with the package; without one it is compiled, once for its sources.
 
     :raises WirebondError: there is no C++ compiler, or it fails.
     """
-    includes = [paths.sim() / "include", paths.posix_include()]
-    return compile_once("the simulated wire", "wire", paths.sim() / "wire" / "main.cpp", includes, cache("wire"))
+    return shipped(NAME) or compile_once(program(), cache(NAME))
 
 
 class WireProcess:

@@ -1,0 +1,19 @@
+"""The rover's program for ``wirebond demo``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from wirebond.cli.output import console
+from wirebond.sim import rover
+from wirebond.sim.build import shipped
+
+
+def rover_program() -> Path:
+    """The compiled rover. Compiling takes seconds, so the terminal says it.
+
+    :raises WirebondError: there is no C++ compiler, or it fails.
+    """
+    if shipped(rover.NAME) is None:
+        console.print("building the rover's firmware for this machine …", style="dim")
+    return rover.build()
