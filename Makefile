@@ -58,7 +58,7 @@ wheel: build/requirements.stamp build/page.stamp ## the Python package for this 
 	@ls build/wheel/*.whl
 
 .PHONY: wheels
-wheels: build/setup.stamp build/requirements-dev.stamp build/page.stamp ## Python packages for x86-64 and 64-bit ARM, in build/wheels (ARGS="--only x86_64")
+wheels: build/setup.stamp build/requirements-dev.stamp build/page.stamp build/wasm.stamp ## Python packages for x86-64 and 64-bit ARM, in build/wheels (ARGS="--only x86_64")
 	@$(PYTHON) setup/wheels.py $(ARGS)
 
 .PHONY: lint

@@ -29,15 +29,19 @@ function decodeAll(stream) {
   let frames = 0;
   let sum = 0;
   for (let begin = 0; begin < stream.length; begin += READ) {
-    given(stream.subarray(begin, begin + READ));
-    const at = exports.follow(EITHER, begin);
+    const read = stream.subarray(begin, begin + READ);
+    const input = new Uint8Array(16 + read.length); // when it began, where it ends, its bytes
+    new Float64Array(input.buffer, 0, 2).set([begin, read.length]);
+    input.set(read, 16);
+    given(input);
+    const at = exports.follow(EITHER, 1);
     const memory = exports.memory.buffer;
     const words = new Uint32Array(memory, at, exports.result_size() / 4);
     for (let i = 0; i < words.length; ) {
-      const columns = ofMessages[words[i]];
+      const columns = ofMessages[words[i]] ?? []; // unknown frames have none
       const rows = words[i + 1];
       frames += rows;
-      i += 3;
+      i += 5;
       for (const [, count] of columns) {
         const values = new Float64Array(memory, words[i++], rows * count);
         for (let k = 0; k < values.length; k++) sum += values[k];

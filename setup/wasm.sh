@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Compiles the engine to WebAssembly, build/wasm/engine.wasm, with the C++ compiler of the package `ziglang`.
+# Compiles the engine to WebAssembly, build/wasm/engine.wasm and a copy in the Python package, with the C++ compiler of the package `ziglang`.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 python=$1
@@ -27,4 +27,5 @@ for source in engine/src/*.cpp; do
   [ "$source" = engine/src/capture.cpp ] || sources+=("$source")
 done
 "${zig[@]}" c++ "${target[@]}" -std=c++17 -Wall -Wextra -Werror -Icore/include -Iengine/include -mexec-model=reactor -s \
-  engine/wasm/module.cpp "${sources[@]}" "$out"/{cxa_exception,cxa_personality,unwind,exceptions}.o -o "$out/engine.wasm"
+  engine/wasm/{module,link}.cpp "${sources[@]}" "$out"/{cxa_exception,cxa_personality,unwind,exceptions}.o -o "$out/engine.wasm"
+cp "$out/engine.wasm" python/src/wirebond/console/engine.wasm

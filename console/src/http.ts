@@ -1,12 +1,7 @@
-// Requests to the server of this page, beside its own address. Errors become sentences.
+// Requests to the server of this page, or to its worker. Errors become sentences.
+import { host } from "./host";
 import { place } from "./state/place.svelte";
 import { said, words } from "./state/words.svelte";
-
-export function address(path: string, scheme: "http" | "ws" = "http"): string {
-  const url = new URL(path, location.href.replace(/#.*/, ""));
-  if (scheme === "ws") url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
-  return url.href;
-}
 
 function headers(): Record<string, string> {
   return place.token ? { Authorization: `Bearer ${place.token}` } : {};
@@ -15,7 +10,7 @@ function headers(): Record<string, string> {
 /** As `fetch`, with a sentence where there is no server to answer. */
 async function ask(path: string, more: RequestInit): Promise<Response> {
   try {
-    return await fetch(address(path), more);
+    return await host.now.request(path, more);
   } catch {
     throw new Error(words.t.link.noServer);
   }

@@ -1,6 +1,6 @@
 // The `/views` socket of docs/console-api.md: what the page shows. It says what it wants to see, whole each time, and takes
 // what comes. A lost connection comes back by itself, with the same wish.
-import { LastingSocket } from "./lasting";
+import { LastingSocket, type Socket } from "./lasting";
 
 export interface Account {
   bytes: number;
@@ -155,16 +155,11 @@ export class Views {
   private readonly socket: LastingSocket;
 
   constructor(
-    url: string,
+    make: () => Socket,
     private readonly token: () => string,
     private readonly listener: ViewsListener,
     private wish: Wish,
   ) {
-    const make = () => {
-      const socket = new WebSocket(url);
-      socket.binaryType = "arraybuffer";
-      return socket;
-    };
     const on = {
       opened: () => this.socket.say({ token: this.token(), acks: true, views: this.wish }),
       message: (data: unknown) => this.take(data),

@@ -1,71 +1,34 @@
-// The engine as a WebAssembly module: one protocol, a decoder and a follower for each end, and the host's link.
+// The engine as a WebAssembly module: one protocol, with a decoder and a follower for each end. The host's link is in
+// link.cpp.
 //
 // JavaScript gives bytes in `input`, and every function answers with a result: a MessagePack value at the address that
 // it returns, of `result_size` bytes, until the next call. It is a map with `ok`, or with `error` (`message`: a value
 // is refused; `engine`: our own mistake) and `text`. Times are microseconds as doubles, of a clock that never steps
-// back. One file: each export is one call of the engine.
+// back. Each export is one call of the engine.
 #include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <exception>
+#include <cstring>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "wirebond/engine/account.hpp"
-#include "wirebond/engine/columns.hpp"
-#include "wirebond/engine/decoder.hpp"
-#include "wirebond/engine/follower.hpp"
-#include "wirebond/engine/header.hpp"
-#include "wirebond/engine/link_core.hpp"
-#include "wirebond/engine/node_values.hpp"
-
-#define WIREBOND_EXPORT(name) __attribute__((export_name(#name)))
+#include "session.hpp"
 
 namespace wirebond::engine {
-
-namespace {
-
-/// Whose frames: the index of a format.
-enum Sender : unsigned { mcu, host, either };
-constexpr std::array<const char*, 3> sender_names = {"mcu", "host", "either"};
-
-/// The numbers in the rows of one message.
-struct MessageColumns {
-  std::vector<Column> columns;
-  std::vector<std::vector<double>> values;  ///< of each column
-};
-
-/// Everything of one protocol.
-struct Session {
-  std::shared_ptr<const ProtocolTable> protocol;
-  std::array<std::shared_ptr<const FormatTable>, sender_names.size()> formats;  ///< null: the file has none
-  double idle_seconds = 0;
-  std::array<std::unique_ptr<Decoder>, sender_names.size()> decoders;
-  std::array<std::unique_ptr<Follower>, sender_names.size()> followers;
-  Capture rows;                         ///< of the last call of a follower
-  std::vector<MessageColumns> columns;  ///< made of them, by message
-  std::unique_ptr<LinkCore> link;
-};
 
 std::vector<std::uint8_t> input;
 std::vector<std::uint8_t> result;
 std::unique_ptr<Session> session;
 
-std::uint64_t us(double time) { return time < 0 ? 0 : static_cast<std::uint64_t>(time); }
-
 Session& open_session() {
   if (session == nullptr) throw std::logic_error("no protocol is open");
   return *session;
-}
-
-LinkCore& open_link() {
-  if (open_session().link == nullptr) throw std::logic_error("no link is open");
-  return *session->link;
 }
 
 const std::shared_ptr<const FormatTable>& format_of(unsigned sender) {
@@ -74,28 +37,18 @@ const std::shared_ptr<const FormatTable>& format_of(unsigned sender) {
   return format;
 }
 
-/// Call `work`, and keep what it returns or throws as the result.
-template <class Work>
-const std::uint8_t* answered(Work work) {
-  Node answer;
-  try {
-    answer = Node::Map{{"ok", work()}};
-  } catch (const MessageError& refused) {
-    answer = Node::Map{{"error", "message"}, {"text", refused.what()}};
-  } catch (const std::exception& mistake) {
-    answer = Node::Map{{"error", "engine"}, {"text", mistake.what()}};
-  }
+const std::uint8_t* give(const Node& node) {
   result.clear();
-  pack(answer, result);
+  pack(node, result);
   return result.data();
 }
 
-Node given() { return unpacked(input.data(), input.size()); }
-
-std::shared_ptr<const FormatTable> format_from(const Node& tables, const char* sender) {
-  const Node& table = tables[sender];
-  if (table.is_none()) return nullptr;
-  return std::make_shared<FormatTable>(unpacked(table.bytes().data(), table.bytes().size()));
+std::vector<std::uint8_t> frame_of(unsigned sender, const Node& asked) {
+  const FormatTable& format = *format_of(sender);
+  const auto index = asked[0].as<std::size_t>();
+  const GivenHeader header = encode_header<NodeValues>(format, asked[2]);
+  const MessageTable& message = session->protocol->messages().at(index);
+  return seal_frame(format, *session->protocol, index, encode_fields<NodeValues>(message, asked[1]), header);
 }
 
 Node to_node(const Batch& batch, const Event& event) {
@@ -122,6 +75,14 @@ Node to_node(const Batch& batch, const Event& event) {
   for (std::string& one : found) violations.emplace_back(std::move(one));
   out.emplace_back("violations", std::move(violations));
   return Node(std::move(out));
+}
+
+namespace {
+
+std::shared_ptr<const FormatTable> format_from(const Node& tables, const char* sender) {
+  const Node& table = tables[sender];
+  if (table.is_none()) return nullptr;
+  return std::make_shared<FormatTable>(unpacked(table.bytes().data(), table.bytes().size()));
 }
 
 Node to_list(const Arrivals& arrivals) {
@@ -202,18 +163,23 @@ void put(std::size_t word) {
   result.insert(result.end(), bytes, bytes + sizeof number);
 }
 
-/// Describe the rows of the last call in words of 32 bits: for each message with rows its index, their number, the
-/// address of their times (doubles, seconds), and the addresses of its columns (doubles) in the order of `columns`.
+/// Describe the rows of the last call in words of 32 bits: for each message with rows its index (of unknown ones the
+/// number of messages), their number, the addresses of their times (doubles, seconds), of their offsets in all bytes
+/// (64 bits), of their sizes on the wire (32 bits), and of its columns (doubles) in the order of `columns`.
 const std::uint8_t* rows_as_words() {
   result.clear();
-  for (std::size_t i = 0; i < session->rows.messages.size(); ++i) {
-    const Rows& rows = session->rows.messages[i];
+  const std::size_t known = session->rows.messages.size();
+  for (std::size_t i = 0; i <= known; ++i) {
+    const Rows& rows = i < known ? session->rows.messages[i] : session->rows.unknown;
     if (rows.offsets.empty()) continue;
-    MessageColumns& of = open_columns()[i];
-    fill(session->protocol->messages()[i], rows, of);
     put(i);
     put(rows.offsets.size());
     put(address_of(rows.times.data()));
+    put(address_of(rows.offsets.data()));
+    put(address_of(rows.sizes.data()));
+    if (i == known) continue;
+    MessageColumns& of = open_columns()[i];
+    fill(session->protocol->messages()[i], rows, of);
     for (std::size_t column = 0; column < of.columns.size(); ++column) {
       if (!of.columns[column].holds_values()) put(address_of(of.values[column].data()));
     }
@@ -286,13 +252,31 @@ WIREBOND_EXPORT(restart) const std::uint8_t* wirebond_restart(unsigned sender) {
 
 /// Input: a list of the message's index, its values by name, and header values by name. Result: the frame.
 WIREBOND_EXPORT(encode) const std::uint8_t* wirebond_encode(unsigned sender) {
+  return answered([&] { return Node(frame_of(sender, given())); });
+}
+
+/// Input: header values by name. Result: the bits of each header field.
+WIREBOND_EXPORT(header_bits) const std::uint8_t* wirebond_header_bits(unsigned sender) {
   return answered([&] {
-    const Node asked = given();
     const FormatTable& format = *format_of(sender);
-    const auto index = asked[0].as<std::size_t>();
-    const GivenHeader header = encode_header<NodeValues>(format, asked[2]);
-    return Node(seal_frame(format, *session->protocol, index,
-                           encode_fields<NodeValues>(session->protocol->messages().at(index), asked[1]), header));
+    const GivenHeader bits = encode_header<NodeValues>(format, given());
+    Node::List out;
+    for (std::size_t i = 0; i < format.header().size(); ++i) out.emplace_back(bits.values[i]);
+    return Node(std::move(out));
+  });
+}
+
+/// Input: the bytes of one frame. Result: the messages in it, as if it had come alone. `expected`: the message that is
+/// meant, where several have one id; -1: none.
+WIREBOND_EXPORT(read) const std::uint8_t* wirebond_read(unsigned sender, double t, int expected) {
+  return answered([&] {
+    Decoder alone(open_session().protocol, format_of(sender), session->idle_seconds);
+    if (expected >= 0) alone.expect(static_cast<std::int16_t>(expected), -1, std::nullopt);
+    Node::List out;
+    for (const Arrivals& arrivals : {alone.feed(input.data(), input.size(), t * 1e-6), alone.finish()}) {
+      for (const Event& event : arrivals.events) out.push_back(to_node(*arrivals.batch, event));
+    }
+    return Node(std::move(out));
   });
 }
 
@@ -314,142 +298,50 @@ WIREBOND_EXPORT(columns) const std::uint8_t* wirebond_columns() {
   });
 }
 
-/// Input: bytes of one read. Result: see `rows_as_words`; the addresses are good until the next call.
-WIREBOND_EXPORT(follow) const std::uint8_t* wirebond_follow(unsigned sender, double t) {
-  const std::uint64_t end = input.size();
-  const double time = t * 1e-6;
+/// Input: for each of `count` reads when it began (a double), then for each where it ends in the bytes (a double), then
+/// the bytes. Result: see `rows_as_words`; the addresses are good until the next call.
+WIREBOND_EXPORT(follow) const std::uint8_t* wirebond_follow(unsigned sender, std::size_t count) {
+  std::vector<double> numbers(2 * count);
+  std::memcpy(numbers.data(), input.data(), numbers.size() * sizeof(double));
+  std::vector<std::uint64_t> ends(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    numbers[i] *= 1e-6;
+    ends[i] = us(numbers[count + i]);
+  }
   Reads reads;
-  reads.ends = &end;
-  reads.times = &time;
-  reads.count = 1;
+  reads.ends = ends.data();
+  reads.times = numbers.data();
+  reads.count = count;
   Follower& follower = follower_of(sender);
-  session->rows = follower.feed(input.data(), reads);
+  session->rows = follower.feed(input.data() + numbers.size() * sizeof(double), reads);
   return rows_as_words();
 }
 
-/// A read found nothing.
+/// The port was closed here. Result: see `rows_as_words`.
+WIREBOND_EXPORT(follow_break) const std::uint8_t* wirebond_follow_break(unsigned sender) {
+  Reads reads;
+  reads.breaks = {0};
+  session->rows = follower_of(sender).feed(nullptr, reads);
+  return rows_as_words();
+}
+
+/// The next frame answers a request: this message is meant, where several have one id.
+WIREBOND_EXPORT(follow_expect) void wirebond_follow_expect(unsigned sender, int message) {
+  Reads reads;
+  reads.expected = {{0, static_cast<std::int16_t>(message)}};
+  follower_of(sender).feed(nullptr, reads);
+}
+
+/// How many bytes are settled: later ones may become a frame.
+WIREBOND_EXPORT(settled) double wirebond_settled(unsigned sender) {
+  return static_cast<double>(follower_of(sender).settled());
+}
+
+/// A read that began at `t` found nothing. Result: see `rows_as_words`.
 WIREBOND_EXPORT(follow_idle) const std::uint8_t* wirebond_follow_idle(unsigned sender, double t) {
   Follower& follower = follower_of(sender);
   session->rows = follower.idle(t * 1e-6);
   return rows_as_words();
-}
-
-// ---- the host's link
-
-/// Input: the settings, as `EngineSettings` of Python has them.
-WIREBOND_EXPORT(link_open) const std::uint8_t* wirebond_link_open(double now) {
-  return answered([&] {
-    const Node settings = given();
-    const auto& receive = format_of(mcu);
-    open_session().link =
-        std::make_unique<LinkCore>(link_setup(session->protocol, receive, format_of(host), settings), us(now));
-    return Node();
-  });
-}
-
-WIREBOND_EXPORT(port_up) void wirebond_port_up(double now) { open_link().port_up(us(now)); }
-
-/// Input: why, as a text in UTF-8.
-WIREBOND_EXPORT(port_down) void wirebond_port_down(double now) {
-  open_link().port_down(us(now), std::string(input.begin(), input.end()));
-}
-
-/// Input: the bytes of a read that began at `before` and ended at `after`.
-WIREBOND_EXPORT(received) void wirebond_received(double before, double after) {
-  open_link().received(input.data(), input.size(), us(before), us(after), true);
-}
-
-WIREBOND_EXPORT(link_idle) void wirebond_link_idle(double began) { open_link().idle(us(began)); }
-
-WIREBOND_EXPORT(poll) void wirebond_poll(double now) { open_link().poll(us(now)); }
-
-/// When to call `poll` and `to_write` again; infinite: only bytes matter.
-WIREBOND_EXPORT(next_due) double wirebond_next_due(double now) {
-  const std::uint64_t due = open_link().next_due(us(now));
-  return due == ~std::uint64_t{0} ? std::numeric_limits<double>::infinity() : static_cast<double>(due);
-}
-
-/// Result: the bytes that may be written now. Without a value: just the address, and `result_size`.
-WIREBOND_EXPORT(to_write) const std::uint8_t* wirebond_to_write(double now, int together) {
-  const Outgoing out = open_link().to_write(us(now), together != 0);
-  result.assign(out.bytes, out.bytes + out.size);
-  return result.data();
-}
-
-WIREBOND_EXPORT(written) void wirebond_written(std::size_t size, double now) { open_link().written(size, us(now)); }
-
-/// Input: as for `encode`, then the index of the reply (-1: none), whether it takes its sequence number as it leaves,
-/// its address (bits on the wire), and seconds of a lease (0: it is sent once). Result: 0 to 3, in the order of
-/// SendResult.
-WIREBOND_EXPORT(send) const std::uint8_t* wirebond_send(double now) {
-  return answered([&] {
-    const Node asked = given();
-    const FormatTable& format = *format_of(host);
-    const auto index = asked[0].as<std::size_t>();
-    const GivenHeader header = encode_header<NodeValues>(format, asked[2]);
-    const std::vector<std::uint8_t> frame =
-        seal_frame(format, *session->protocol, index,
-                   encode_fields<NodeValues>(session->protocol->messages().at(index), asked[1]), header);
-    const auto message = static_cast<std::int16_t>(index);
-    const auto reply = asked[3].as<std::int16_t>();
-    const bool takes_number = asked[4].as<bool>();
-    const auto address = asked[5].as<std::uint64_t>();
-    const double hold = asked[6].as<double>();
-    LinkCore& link = open_link();
-    const SendResult sent =
-        hold == 0 ? link.outbox().send(message, frame.data(), frame.size(), reply, takes_number, us(now), address)
-                  : link.outbox().repeat(message, frame.data(), frame.size(), reply, takes_number, to_us(hold), us(now),
-                                         address);
-    link.note_changes(us(now));
-    return Node(answer_of(sent));
-  });
-}
-
-/// Input: a safe value, in the order of `SafeValue` of Python. Result: false if there is no room.
-WIREBOND_EXPORT(note_safe) const std::uint8_t* wirebond_note_safe() {
-  return answered([] { return Node(open_link().note_safe(stop_frame(given()))); });
-}
-
-WIREBOND_EXPORT(end_safely) int wirebond_end_safely(int message, double address) {
-  return open_link().outbox().end_safely(static_cast<std::int16_t>(message), static_cast<std::uint64_t>(address));
-}
-
-WIREBOND_EXPORT(end_motion) void wirebond_end_motion() { open_link().outbox().end_motion(); }
-
-WIREBOND_EXPORT(stop) void wirebond_stop(double now) {
-  open_link().outbox().stop(us(now));
-  open_link().note_changes(us(now), "stopped");
-}
-
-WIREBOND_EXPORT(release_stop) void wirebond_release_stop() { open_link().outbox().release_stop(); }
-
-WIREBOND_EXPORT(is_stopped) int wirebond_is_stopped() { return open_link().outbox().is_stopped(); }
-
-/// End leases with their safe values, and accept nothing more. What is queued may still leave.
-WIREBOND_EXPORT(close) void wirebond_close() { open_link().outbox().close(); }
-
-WIREBOND_EXPORT(is_empty) int wirebond_is_empty() { return open_link().outbox().is_empty(); }
-
-/// 0 to 2, in the order of HostLinkState.
-WIREBOND_EXPORT(state) int wirebond_state(double now) { return static_cast<int>(open_link().link().state(us(now))); }
-
-/// Result: messages since the last call.
-WIREBOND_EXPORT(receive) const std::uint8_t* wirebond_receive() {
-  return answered([] {
-    Node::List out;
-    for (const Arrivals& arrivals : open_link().take()) {
-      for (const Event& event : arrivals.events) out.push_back(to_node(*arrivals.batch, event));
-    }
-    return Node(std::move(out));
-  });
-}
-
-/// Result: see `account_node`.
-WIREBOND_EXPORT(link_account) const std::uint8_t* wirebond_link_account() {
-  return answered([] {
-    LinkCore& link = open_link();
-    return account_node(link.account(), link.protocol(), link.receives());
-  });
 }
 
 }  // extern "C"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import struct
 import subprocess
@@ -60,6 +61,13 @@ class Module:
         if answer["error"] == "message":
             raise MessageError(answer["text"])
         raise AssertionError(answer["text"])
+
+    def follow(self, end: End, reads: list[tuple[float, bytes]]) -> list[int]:
+        """The words that describe the rows of these reads; each with its time in microseconds."""
+        ends = itertools.accumulate(len(data) for _, data in reads)
+        numbers = np.array([*(time for time, _ in reads), *ends], np.float64)
+        data = numbers.tobytes() + b"".join(data for _, data in reads)
+        return np.frombuffer(self.raw("follow", sender_number(end), len(reads), data=data)[1], np.uint32).tolist()
 
     def numbers(self, address: int, count: int) -> NDArray[np.float64]:
         return np.frombuffer(self.raw("numbers", address, count)[1], np.float64)

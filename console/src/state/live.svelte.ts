@@ -1,6 +1,7 @@
 // What the server shows: link, table, frames, events, batches of plots; live or of a recording. Views say what they want
 // to see while they are there, and read it here.
-import { address, get } from "../http";
+import { host } from "../host";
+import { get } from "../http";
 import { joined } from "../marks";
 import { clockText, type Protocol } from "../protocol";
 import {
@@ -60,7 +61,7 @@ class Live {
   private heardAt = -Infinity;
   private linkAt = -Infinity;
   private readonly views = new Views(
-    address("views", "ws"),
+    () => host.now.socket("views"),
     () => place.token,
     {
       open: (isOpen, why) => this.setOpen(isOpen, why),

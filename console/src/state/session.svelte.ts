@@ -1,6 +1,6 @@
 // The page's one connection for commands, as the views read it: are we attached, who is in control, what was refused.
 import { AttachLink, Refusal, type Control, type Decision, type Phase, type Reply, type Welcome } from "../link";
-import { address } from "../http";
+import { host } from "../host";
 import type { Header } from "../protocol";
 import { live } from "./live.svelte";
 import { notices } from "./notices.svelte";
@@ -30,7 +30,7 @@ class Session {
   private stops = 0; // presses
   private readonly onLoss = new Set<() => void>();
   private readonly link = new AttachLink(
-    () => new WebSocket(address("attach", "ws")),
+    () => host.now.socket("attach"),
     () => place.token,
     this.name,
     {
@@ -165,7 +165,7 @@ class Session {
       await doing;
       return true;
     } catch (error) {
-      notices.say(error instanceof Refusal ? error.message : String(error), "bad");
+      notices.say(error instanceof Error ? error.message : String(error), "bad");
       return false;
     }
   }

@@ -297,6 +297,21 @@ export const en = {
     plot: "Plot",
     control: "Send…",
   },
+  page: {
+    choose: "Choose a serial port",
+    again: (port: string) => `Connect to ${port} again`,
+    unsupported:
+      "This browser gives a page no way to a serial port. Open this page in Chrome, Edge or Opera on a computer, or in Chrome on Android. Recordings can be opened here.",
+    exclusive: "A serial port belongs to one tab: close other tabs and programs that use it.",
+    hidden:
+      "While this tab is hidden, the page gives up control, and what it moved gets its safe value. If the tab is closed, the computer sleeps or the browser is killed, nothing more is sent: the robot's own deadlines stop it.",
+    private: "Nothing that comes over the port leaves this computer.",
+    protocol: "Another protocol",
+    protocolText: "A file protocol.json that `wirebond gen FILE --lang page` wrote.",
+    notThatFile: "This is no file that `wirebond gen --lang page` wrote; choose its protocol.json.",
+    otherRelease: "That file is of another release than this page; generate both again.",
+    openRecording: "Open a recording file",
+  },
   missing: {
     noPort: "No port is connected, so there is nothing to show here yet.",
     choosePort: "Choose a port",

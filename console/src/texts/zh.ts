@@ -288,6 +288,21 @@ export const zh: Texts = {
     plot: "画曲线",
     control: "发送…",
   },
+  page: {
+    choose: "选择串口",
+    again: (port: string) => `重新连接 ${port}`,
+    unsupported:
+      "此浏览器不允许网页使用串口。请在电脑上用 Chrome、Edge 或 Opera，或在安卓上用 Chrome 打开本页。录制文件可以在这里打开。",
+    exclusive: "一个串口只属于一个标签页：请关闭使用它的其他标签页和程序。",
+    hidden:
+      "本标签页隐藏时，页面交出控制权，它所移动的部件得到安全值。如果标签页被关闭、电脑休眠或浏览器被强行结束，则不再发送任何内容：由下位机自己的超时规则停车。",
+    private: "串口收到的数据不会离开这台电脑。",
+    protocol: "另一个协议",
+    protocolText: "由 `wirebond gen FILE --lang page` 生成的 protocol.json 文件。",
+    notThatFile: "这不是 `wirebond gen --lang page` 生成的文件；请选择它的 protocol.json。",
+    otherRelease: "该文件与本页的版本不同；请重新生成两者。",
+    openRecording: "打开录制文件",
+  },
   missing: {
     noPort: "没有连接串口，这里还没有内容可显示。",
     choosePort: "选择串口",

@@ -6,6 +6,7 @@ from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parent
 PAGE = _PACKAGE / "console" / "page"  # the console's page, where it was built
+ENGINE_FOR_PAGES = _PACKAGE / "console" / "engine.wasm"  # for a page without a server, where it was built
 PROGRAMS = _PACKAGE / "data" / "programs"  # compiled for this machine; only wheels have them
 
 

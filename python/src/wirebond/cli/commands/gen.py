@@ -8,6 +8,7 @@ from pathlib import Path
 
 from wirebond.cli.output import console, errors, fail, plain
 from wirebond.codec import load
+from wirebond.console.standalone import page_files
 from wirebond.errors import UsageError, WirebondError
 from wirebond.generate.code import (
     PORTS,
@@ -31,6 +32,7 @@ from wirebond.generate.code.current import Staleness
 from wirebond.generate.code.folder import core_headers
 from wirebond.generate.new.write import write_new
 from wirebond.protocol.model import Protocol
+from wirebond.whole_file import write_whole
 
 Texts = Callable[[Protocol, Path], dict[str, str]]  # of the files in a folder, by their names
 
@@ -44,6 +46,7 @@ _NO_PORTS = {
     "python": "a Python program opens its port by itself",
     "ros2": "a package of ROS 2 has messages and opens no port",
 }
+PAGE = "page"  # the console as static files
 AMALGAMATED: dict[str, Texts] = {
     "cpp": lambda protocol, _: cpp_files(protocol, amalgamate=True),
     "c": lambda protocol, _: c_files(protocol, amalgamate=True),
@@ -70,6 +73,8 @@ def generate(
 
     With ``only_check`` nothing is written: files that are not current are named. 1 where there are any, else 0.
     """
+    if language == PAGE:
+        return _page(path, out, amalgamate or bool(ports) or starter is not None, only_check)
     _validate(language, amalgamate, ports)
     if starter is not None:
         _validate_starter(amalgamate, ports, only_check)
@@ -95,6 +100,30 @@ def generate(
     elif not amalgamate and list(ports) in [[port] for port in STARTER_PORTS]:
         errors.print("Begin with a source file of your own: `--uart USART3 --starter` writes one with empty handlers.")
     return 0
+
+
+def _page(path: Path, out: Path, has_options: bool, only_check: bool) -> int:
+    if has_options:
+        raise UsageError("--amalgamate, --port and --starter are for firmware; a page takes none of them")
+    files = page_files(load(path))
+    if only_check:
+        stale = [out / name for name, data in files.items() if not is_same(out / name, data)]
+        for one in stale:
+            console.print(plain(f"not current: {one}"), soft_wrap=True)
+        return 1 if stale else 0
+    try:
+        for name, data in files.items():
+            (out / name).parent.mkdir(parents=True, exist_ok=True)
+            write_whole(out / name, data)
+            console.print(plain(str(out / name)), soft_wrap=True)
+    except OSError as error:
+        raise WirebondError(f"cannot write {error.filename or out}: {error.strerror}; name another --out") from error
+    return 0
+
+
+def is_same(path: Path, data: bytes) -> bool:
+    """Whether the file has these bytes."""
+    return path.is_file() and path.read_bytes() == data
 
 
 def _port_files(port: str, language: str, amalgamate: bool) -> dict[str, str]:
@@ -129,7 +158,7 @@ def _check(out: Path, files: dict[str, str], path: Path) -> int:
 
 def _validate(language: str, amalgamate: bool, ports: Sequence[str]) -> None:
     if language not in LANGUAGES:
-        raise UsageError(f"--lang is '{language}'; expected {', '.join(LANGUAGES)}")
+        raise UsageError(f"--lang is '{language}'; expected {', '.join([*LANGUAGES, PAGE])}")
     if amalgamate and language not in AMALGAMATED:
         raise UsageError(f"--amalgamate is for --lang {' and '.join(AMALGAMATED)}; leave it out for {language}")
     for port in ports:

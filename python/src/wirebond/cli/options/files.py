@@ -167,7 +167,10 @@ def gen(
     file: ProtocolFile,
     out: Annotated[Path, typer.Option(help="Folder to write to; it is made if need be.")],
     lang: Annotated[
-        str, typer.Option(help="Of the generated code: cpp, c, python, or ros2 for a package of messages.")
+        str,
+        typer.Option(
+            help="What is generated: cpp, c, python, ros2 for a package of messages, or page for a console without a server."
+        ),
     ] = "cpp",
     amalgamate: Annotated[
         bool, typer.Option("--amalgamate", help="One header with the core in it (for c: .h and .cpp), no folder.")

@@ -1,0 +1,97 @@
+// Where a page keeps recordings: in the browser's own file system for this page (OPFS), which survives a reload; in memory
+// where the browser has none, as for a page that was opened from disk.
+
+/** A file that grows. */
+export interface Growing {
+  write(bytes: Uint8Array): void;
+  /** Makes what was written safe. */
+  flush(): void;
+  close(): void;
+}
+export interface Store {
+  readonly isLasting: boolean; // a reload keeps the files
+  names(): Promise<string[]>;
+  create(name: string): Promise<Growing>;
+  read(name: string): Promise<Blob>;
+  remove(name: string): Promise<void>;
+}
+/** Of a file in a worker; the types for a window do not have it. */
+interface SyncFile {
+  write(bytes: Uint8Array, options: { at: number }): number;
+  flush(): void;
+  close(): void;
+}
+type Handle = FileSystemFileHandle & { createSyncAccessHandle(): Promise<SyncFile> };
+const FOLDER = "wirebond recordings";
+
+export async function openStore(): Promise<Store> {
+  try {
+    const root = await navigator.storage.getDirectory();
+    const folder = await root.getDirectoryHandle(FOLDER, { create: true });
+    const probe = (await folder.getFileHandle(".probe", { create: true })) as Handle;
+    (await probe.createSyncAccessHandle()).close();
+    return new Files(folder);
+  } catch {
+    return new Memory();
+  }
+}
+
+class Files implements Store {
+  readonly isLasting = true;
+
+  constructor(private readonly folder: FileSystemDirectoryHandle) {}
+
+  async names(): Promise<string[]> {
+    const found: string[] = [];
+    for await (const name of this.folder.keys()) if (!name.startsWith(".")) found.push(name);
+    return found;
+  }
+
+  async create(name: string): Promise<Growing> {
+    const file = (await this.folder.getFileHandle(name, { create: true })) as Handle;
+    const handle = await file.createSyncAccessHandle();
+    let at = 0;
+    return {
+      write: (bytes) => {
+        const written = handle.write(bytes, { at });
+        at += written;
+        if (written < bytes.length) throw new Error("the browser has no more space for this page");
+      },
+      flush: () => handle.flush(),
+      close: () => handle.close(),
+    };
+  }
+
+  async read(name: string): Promise<Blob> {
+    return (await this.folder.getFileHandle(name)).getFile();
+  }
+
+  remove(name: string): Promise<void> {
+    return this.folder.removeEntry(name);
+  }
+}
+
+class Memory implements Store {
+  readonly isLasting = false;
+  private readonly files = new Map<string, Uint8Array<ArrayBuffer>[]>();
+
+  names(): Promise<string[]> {
+    return Promise.resolve([...this.files.keys()]);
+  }
+
+  create(name: string): Promise<Growing> {
+    const parts: Uint8Array<ArrayBuffer>[] = [];
+    this.files.set(name, parts);
+    return Promise.resolve({ write: (bytes) => void parts.push(bytes.slice()), flush: () => {}, close: () => {} });
+  }
+
+  read(name: string): Promise<Blob> {
+    const parts = this.files.get(name);
+    return parts ? Promise.resolve(new Blob(parts)) : Promise.reject(new Error(`there is no recording ${name}`));
+  }
+
+  remove(name: string): Promise<void> {
+    this.files.delete(name);
+    return Promise.resolve();
+  }
+}

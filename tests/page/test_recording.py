@@ -1,0 +1,152 @@
+"""What a page records, Wirebond reads; what the page shows of it is what Wirebond finds in the same bytes."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import json
+import random
+import re
+import subprocess
+import sys
+import threading
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+import wirebond
+from tests.page.conftest import DIFFDRIVE, Rover, Seat, seat_of
+from tests.shared import few_or_many
+from tests.streams import damaged, random_values
+from tests.waiting import wait_until
+from wirebond.protocol.model import End
+from wirebond.recording.recording import Recording
+from wirebond.sim.pty_port import PtyPort
+
+pytestmark = pytest.mark.live
+_PIECE = 1024  # bytes
+COMMAND = str(Path(sys.executable).with_name("wirebond"))
+
+
+@pytest.fixture
+def seat(diffdrive_page: Path, browser: Browser) -> Iterator[tuple[Seat, PtyPort]]:
+    pty = PtyPort()
+    with seat_of(diffdrive_page, browser) as made:
+        made.wire.device = pty.path
+        yield made, pty
+    pty.close()
+
+
+def noisy_stream(count: int) -> bytes:
+    """Frames of the robot; some are damaged, and noise is between them."""
+    codec, source = wirebond.load(DIFFDRIVE), random.Random(count)
+    messages = [message for message in codec.model.messages if message.sent_by(End.MCU)]
+    out = bytearray()
+    for _ in range(count):
+        message = source.choice(messages)
+        frame = codec.encode(message.name, random_values(message, source))
+        out += damaged(frame, source) if source.random() < 0.02 else frame
+        if source.random() < 0.02:
+            out += source.randbytes(source.randrange(1, 30))
+    return bytes(out)
+
+
+def downloaded(page: Page, label: str, message: str, to: Path) -> list[dict[str, str]]:
+    with page.expect_download() as found:
+        page.get_by_label(label).select_option(message)
+    found.value.save_as(to)
+    with to.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@contextmanager
+def monitored() -> Iterator[tuple[PtyPort, Iterator[dict[str, Any]]]]:
+    """A port, and what `wirebond monitor --json` prints of what comes there."""
+    pty = PtyPort()
+    command = [COMMAND, "monitor", str(DIFFDRIVE), pty.path, "--json"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    assert process.stdout is not None
+    pty.wait_for_program()
+    try:
+        yield pty, (found for line in process.stdout if "message" in (found := json.loads(line)))
+    finally:
+        process.kill()
+        process.wait()
+        pty.close()
+
+
+def feed(pty: PtyPort, stream: bytes) -> None:
+    """Write all of it, as fast as the other side reads: a pty drops what has no room."""
+    for at in range(0, len(stream), _PIECE):
+        pty.write(stream[at : at + _PIECE])
+        wait_until(lambda: not pty.unread(), "the other side reads")
+    assert pty.lost_bytes == 0
+
+
+@few_or_many(3_000, 100_000)
+def test_every_value_is_the_one_that_monitor_prints(seat: tuple[Seat, PtyPort], tmp_path: Path, number: int) -> None:
+    made, pty = seat
+    stream = noisy_stream(number)
+    decoder = wirebond.load(DIFFDRIVE).decoder("mcu")
+    sent = [*decoder.feed(stream), *decoder.finish()]
+    expected: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    page = made.connected("recordings")
+    page.get_by_role("button", name="Record", exact=True).click()
+    expect(page.get_by_role("button", name="Stop recording")).to_be_visible()
+    with monitored() as (port, lines):
+        writing = threading.Thread(target=feed, args=(port, stream))
+        writing.start()
+        for line in itertools.islice(lines, len(sent)):
+            expected[line["message"]].append(line["fields"])
+        writing.join()
+    feed(pty, stream)
+    page.locator("nav").get_by_text("Link", exact=True).click()
+    frames = page.locator("tr", has_text="frames").first
+    wait_until(lambda: frames.inner_text().split()[-1] == str(len(sent)), "all frames")
+    page.locator("nav").get_by_text("Recordings", exact=True).click()
+    page.get_by_role("button", name="Stop recording").click()
+    name = page.locator("tbody tr td").first
+    expect(name).to_have_text(re.compile(r"\.mcap$"))  # no state: it is closed
+    label = f"CSV: {name.inner_text()}"
+    compared = 0
+    for message, values in expected.items():
+        rows = downloaded(page, label, message, tmp_path / f"{message}.csv")
+        assert len(rows) == len(values)
+        for found, fields in zip(rows, values, strict=True):
+            for column, text in found.items():
+                path = column.partition(" [")[0].partition(".")[2]
+                if path in fields and isinstance(fields[path], (int, float)):
+                    assert float(text) == fields[path], (message, column)
+                    compared += 1
+    assert compared > number
+
+
+def test_a_recording_is_opened_again_and_read_by_wirebond(rover: Rover, tmp_path: Path) -> None:
+    page = rover.seat.connected("recordings")
+    page.get_by_role("button", name="Record", exact=True).click()
+    expect(page.get_by_role("button", name="Stop recording")).to_be_visible()
+    page.locator("nav").get_by_text("Control", exact=True).click()
+    rover.drive(page)
+    page.keyboard.up("ArrowUp")
+    page.locator("nav").get_by_text("Recordings", exact=True).click()
+    page.get_by_role("button", name="Stop recording").click()
+    with page.expect_download() as found:
+        page.get_by_role("button", name="MCAP").click()
+    path = tmp_path / "run.mcap"
+    found.value.save_as(path)
+    recording = Recording(path)
+    sent = [message for message in recording.messages("host") if message.name == "velocity"]
+    assert any(message["linear"] > 0 for message in sent)
+    assert {"lease_begun", "control"} <= {event.kind for event in recording.events}
+    assert subprocess.run([COMMAND, "info", str(path)], check=False, capture_output=True).returncode == 0
+    page.get_by_role("button", name="Open", exact=True).click()
+    page.locator("nav").get_by_text("Messages", exact=True).click()
+    row = page.get_by_role("row").filter(has_text="velocity")
+    expect(row).to_contain_text(sent[-1].raw.hex(" ").upper())
+    page.reload()  # the browser keeps it
+    expect(page.get_by_role("row").filter(has_text="velocity")).to_contain_text(sent[-1].raw.hex(" ").upper())
