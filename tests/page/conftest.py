@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +18,7 @@ from tests.console import browser as browsers
 from tests.console.browser import Robot, Velocity
 from tests.page.wire import Wire
 from tests.shared import PROTOCOLS, ROOT, codec
-from tests.waiting import PATIENCE, moments
+from tests.waiting import PATIENCE, moments, rounds_for
 from wirebond import paths
 from wirebond.console.standalone import page_files
 
@@ -119,18 +119,10 @@ class Rover:
             page.keyboard.up("ArrowUp")
             since = time.monotonic()
             page.keyboard.down("ArrowUp")
-            with contextlib.suppress(AssertionError):
-                return self.wait_for(lambda velocity: velocity.linear > 0, since, 2.0)
+            for _ in rounds_for(2):
+                if moving := [velocity for velocity in self.robot.since(since) if velocity.linear > 0]:
+                    return moving[0]
         raise AssertionError
-
-    def wait_for(self, fits: Callable[[Velocity], object], since: float, within: float = PATIENCE) -> Velocity:
-        until = time.monotonic() + within
-        while time.monotonic() < until:
-            for velocity in self.robot.since(since):
-                if fits(velocity):
-                    return velocity
-            time.sleep(0.005)
-        raise AssertionError(f"since then came {self.robot.since(since)[-5:]}")
 
 
 @pytest.fixture(scope="package")

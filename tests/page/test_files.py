@@ -28,7 +28,8 @@ messages:
     id: 1
     sender: mcu
     description: "<img src=x onerror=\\"document.title = 'taken'\\">"
-    fields: {mode: {type: u8, enum: {a: 0, b: 1}, description: "--></textarea><script>document.title = 'taken'</script>"}}
+    fields:
+      mode: {type: u8, enum: {a: 0, b: 1}, description: "--></textarea><script>document.title = 'taken'</script>"}
 """
 
 

@@ -23,7 +23,7 @@ def test_the_robot_drives_while_the_key_is_held_and_stops_when_it_is_let_go(rove
     page.keyboard.up("ArrowUp")
     expect(page.get_by_text("Let go: zero is sent")).to_be_visible()
     since = time.monotonic()
-    rover.wait_for(lambda velocity: velocity.linear == 0, since)
+    rover.robot.wait_for(lambda velocity: velocity.linear == 0, since)
 
 
 def test_the_emergency_stop_is_latched(rover: Rover) -> None:
@@ -32,7 +32,7 @@ def test_the_emergency_stop_is_latched(rover: Rover) -> None:
     page.keyboard.press("Space")
     expect(page.get_by_role("alert").first).to_be_visible()
     since = time.monotonic()
-    rover.wait_for(lambda velocity: velocity.linear == 0, since)
+    rover.robot.wait_for(lambda velocity: velocity.linear == 0, since)
     expect(in_control(page)).not_to_be_visible()
 
 

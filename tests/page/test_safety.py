@@ -52,8 +52,8 @@ def test_a_page_that_stands_still_loses_control(rover: Rover) -> None:
     rover.drive(page)
     since = time.monotonic()
     page.evaluate(STALL, 2000)
-    stopped = rover.wait_for(lambda velocity: velocity.linear == 0, since)
-    assert stopped.t < since + 2.0 or not in_control(page).is_visible()
+    rover.robot.wait_for(lambda velocity: velocity.linear == 0, since)
+    expect(in_control(page)).not_to_be_visible()
     page.keyboard.up("ArrowUp")
 
 
@@ -65,7 +65,7 @@ def test_a_hidden_tab_gives_control_up(rover: Rover) -> None:
         "Object.defineProperty(document, 'hidden', { get: () => true }); "
         "document.dispatchEvent(new Event('visibilitychange'))"
     )
-    rover.wait_for(lambda velocity: velocity.linear == 0, since)
+    rover.robot.wait_for(lambda velocity: velocity.linear == 0, since)
     expect(in_control(page)).not_to_be_visible()
     page.keyboard.up("ArrowUp")
 

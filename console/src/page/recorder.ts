@@ -3,8 +3,8 @@
 import { McapWriter } from "@mcap/core";
 import type { Clock } from "./clock";
 import type { Facts } from "./facts";
-import type { Taken } from "./robot";
 import type { Growing, Store } from "./store";
+import type { Taken } from "./tap";
 
 export const METADATA = "wirebond";
 const PROFILE = "wirebond";

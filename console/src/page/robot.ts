@@ -9,6 +9,7 @@ import { PeerBook } from "./peer";
 import { portName } from "./portname";
 import type { Account } from "./rates";
 import { RequestBook } from "./requests";
+import { takeTap, type Taken } from "./tap";
 
 /** What a page uses of the standard's `SerialPort`. */
 export type Port = Pick<SerialPort, "open" | "close" | "readable" | "writable" | "getInfo"> & {
@@ -17,20 +18,6 @@ export type Port = Pick<SerialPort, "open" | "close" | "readable" | "writable" |
 /** Where ports come from: `navigator.serial`, or what stands for it. */
 export interface Ports {
   getPorts(): Promise<Port[]>;
-}
-export interface Event {
-  t: number;
-  kind: string;
-  facts: Record<string, unknown>;
-}
-/** What a tap has brought, in its order. */
-export interface Taken {
-  received: { t: number; done: number; bytes: Uint8Array }[];
-  sent: { t: number; done: number; bytes: Uint8Array }[];
-  events: Event[];
-  /** Before which read of each direction the port was closed. */
-  breaks: { t: number; received: number; sent: number }[];
-  lost: number;
 }
 export const RESULTS = ["ok", "down", "full", "stopped"] as const; // in the order of SendResult
 export const STATES = ["down", "stale", "up"] as const;
@@ -42,21 +29,6 @@ const LONGEST_SLEEP = 0.5;
 const FIRST_OPEN_WAIT = 0.02; // seconds before a port that went away is tried again
 const LAST_OPEN_WAIT = 1;
 const SETTLED_AFTER = 1; // a port that lasted so long is no port that fails at once
-const KINDS = [
-  "received",
-  "sent",
-  "port_up",
-  "port_down",
-  "stopped",
-  "released",
-  "deadline_struck",
-  "deadline_ended",
-  "lease_begun",
-  "lease_ended",
-  "noted",
-  "port_settings",
-]; // in the order of TapKind
-
 export class Robot {
   readonly requests: RequestBook;
   readonly peer: PeerBook;
@@ -406,38 +378,9 @@ export class Robot {
     this.engine.doWith("note", new TextEncoder().encode(JSON.stringify({ kind, ...facts })), this.us());
   }
 
-  // ---- what happened
-
+  /** What happened since the last call. */
   take(): Taken {
-    const [pieces, lost] = this.engine.call<[[number, number, number, Uint8Array][], number]>("tap_take");
-    const taken: Taken = { received: [], sent: [], events: [], breaks: [], lost };
-    for (const [number, before, done, data] of pieces) {
-      const kind = KINDS[number]!;
-      const t = done * 1e-6;
-      if (kind === "received" || kind === "sent") {
-        taken[kind].push({ t: before * 1e-6, done: t, bytes: data });
-        continue;
-      }
-      if (kind === "port_down") taken.breaks.push({ t, received: taken.received.length, sent: taken.sent.length });
-      taken.events.push({ t, ...this.event(kind, data) });
-    }
-    return taken;
-  }
-
-  private event(kind: string, data: Uint8Array): { kind: string; facts: Record<string, unknown> } {
-    const text = () => new TextDecoder().decode(data);
-    if (kind === "noted") {
-      const { kind: noted, ...facts } = JSON.parse(text()) as { kind: string };
-      return { kind: noted, facts };
-    }
-    if (kind === "port_down") return { kind, facts: { why: text() || "the link was closed" } };
-    if (kind.startsWith("deadline")) return { kind, facts: { action: this.facts.actions[data[0]!] } };
-    if (kind.startsWith("lease")) {
-      const [message, address, why] = text().split(" ");
-      const facts = { message: this.names[Number(message)], address: Number(address) };
-      return { kind, facts: why === undefined ? facts : { ...facts, why } };
-    }
-    return { kind, facts: {} };
+    return takeTap(this.engine, this.facts);
   }
 
   /** Ends everything: leases end with their safe values, what waits may still leave for a moment, the port is closed. */

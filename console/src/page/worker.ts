@@ -8,11 +8,12 @@ import { VERSION, type Facts } from "./facts";
 import { RateMeter } from "./rates";
 import { Recorder } from "./recorder";
 import { aboutFile, openReplay } from "./replay";
-import { RefusedError, Robot, type Port, type Ports, type Taken } from "./robot";
+import { RefusedError, Robot, type Port, type Ports } from "./robot";
 import { Rounds, type Replay, type Scene } from "./rounds";
 import { samplesAsCsv } from "./samples";
 import { Source, plain } from "./source";
 import { openStore, type Store } from "./store";
+import type { Taken } from "./tap";
 import type { LinkView } from "../views";
 
 /** What the page sends, and what it gets. `id`: of a connection or of a request. */

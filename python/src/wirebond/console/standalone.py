@@ -54,7 +54,7 @@ def page_files(codec: Codec) -> dict[str, bytes]:
     if not (paths.PAGE / _INDEX).exists() or not paths.ENGINE_FOR_PAGES.exists():
         raise UsageError(
             "the console's page, or its engine for browsers, was not built; run "
-            "`make page build/wasm.stamp` in the clone, which needs Node 20.19 or newer, or install a wheel, which has both"
+            "`make page build/wasm.stamp` in the clone, with Node 20.19 or newer; or install a wheel, which has both"
         )
     if is_raw(codec) or not codec.model.text:
         raise UsageError("a page is for a protocol that was read from a file; name the file")

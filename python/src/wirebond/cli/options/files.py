@@ -168,9 +168,7 @@ def gen(
     out: Annotated[Path, typer.Option(help="Folder to write to; it is made if need be.")],
     lang: Annotated[
         str,
-        typer.Option(
-            help="What is generated: cpp, c, python, ros2 for a package of messages, or page for a console without a server."
-        ),
+        typer.Option(help="cpp, c or python; ros2: a package of messages; page: a console that needs no server."),
     ] = "cpp",
     amalgamate: Annotated[
         bool, typer.Option("--amalgamate", help="One header with the core in it (for c: .h and .cpp), no folder.")
