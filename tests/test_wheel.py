@@ -112,7 +112,8 @@ def test_wheel_holds_headers_files_types_and_one_engine(wheel: Path) -> None:
     package = {
         path.relative_to(sources).as_posix()
         for path in sources.rglob("*")
-        if path.suffix in (".py", ".pyi", ".j2", ".typed", ".yaml", ".txt") or (PAGE in path.parents and path.is_file())
+        if path.suffix in (".py", ".pyi", ".j2", ".typed", ".yaml", ".txt", ".wasm")
+        or (PAGE in path.parents and path.is_file())
     }
     assert len(in_tree) > 40 and len(package) > 80
     assert in_tree | package <= names

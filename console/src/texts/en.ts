@@ -298,6 +298,7 @@ export const en = {
     control: "Send…",
   },
   page: {
+    noPortYet: "Plug the robot in, then choose its serial port.",
     choose: "Choose a serial port",
     again: (port: string) => `Connect to ${port} again`,
     unsupported:

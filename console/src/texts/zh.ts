@@ -289,6 +289,7 @@ export const zh: Texts = {
     control: "发送…",
   },
   page: {
+    noPortYet: "接上机器人，然后选择它的串口。",
     choose: "选择串口",
     again: (port: string) => `重新连接 ${port}`,
     unsupported:
