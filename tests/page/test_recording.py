@@ -29,7 +29,7 @@ from wirebond.recording.recording import Recording
 from wirebond.sim.pty_port import PtyPort
 
 pytestmark = pytest.mark.live
-_PIECE = 1024  # bytes
+_TOGETHER = 80  # frames
 COMMAND = str(Path(sys.executable).with_name("wirebond"))
 
 
@@ -42,18 +42,19 @@ def seat(diffdrive_page: Path, browser: Browser) -> Iterator[tuple[Seat, PtyPort
     pty.close()
 
 
-def noisy_stream(count: int) -> bytes:
-    """Frames of the robot; some are damaged, and noise is between them."""
+def noisy_stream(count: int) -> list[bytes]:
+    """Frames of the robot; some are damaged, and noise is between them. Each is one piece: a pause inside a frame, as a
+    busy machine makes one, would rightly end it."""
     codec, source = wirebond.load(DIFFDRIVE), random.Random(count)
     messages = [message for message in codec.model.messages if message.sent_by(End.MCU)]
-    out = bytearray()
+    out = []
     for _ in range(count):
         message = source.choice(messages)
         frame = codec.encode(message.name, random_values(message, source))
-        out += damaged(frame, source) if source.random() < 0.02 else frame
+        out.append(damaged(frame, source) if source.random() < 0.02 else frame)
         if source.random() < 0.02:
-            out += source.randbytes(source.randrange(1, 30))
-    return bytes(out)
+            out.append(source.randbytes(source.randrange(1, 30)))
+    return out
 
 
 def downloaded(page: Page, label: str, message: str, to: Path) -> list[dict[str, str]]:
@@ -80,10 +81,10 @@ def monitored() -> Iterator[tuple[PtyPort, Iterator[dict[str, Any]]]]:
         pty.close()
 
 
-def feed(pty: PtyPort, stream: bytes) -> None:
+def feed(pty: PtyPort, stream: list[bytes]) -> None:
     """Write all of it, as fast as the other side reads: a pty drops what has no room."""
-    for at in range(0, len(stream), _PIECE):
-        pty.write(stream[at : at + _PIECE])
+    for at in range(0, len(stream), _TOGETHER):
+        pty.write(b"".join(stream[at : at + _TOGETHER]))
         wait_until(lambda: not pty.unread(), "the other side reads")
     assert pty.lost_bytes == 0
 
@@ -93,7 +94,7 @@ def test_every_value_is_the_one_that_monitor_prints(seat: tuple[Seat, PtyPort], 
     made, pty = seat
     stream = noisy_stream(number)
     decoder = wirebond.load(DIFFDRIVE).decoder("mcu")
-    sent = [*decoder.feed(stream), *decoder.finish()]
+    sent = [*decoder.feed(b"".join(stream)), *decoder.finish()]
     expected: dict[str, list[dict[str, Any]]] = defaultdict(list)
     page = made.connected("recordings")
     page.get_by_role("button", name="Record", exact=True).click()

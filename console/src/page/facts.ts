@@ -27,7 +27,7 @@ export interface Facts {
   lint: unknown;
   tables: string; // base64: for the engine's `open`
   link: string; // base64: for the engine's `link_open`
-  idle: number; // seconds of silence that end an incomplete frame
+  adapter_latency: number; // seconds that the port may hold bytes back
   actions: string[]; // of deadlines at the host, in the engine's order
   delimiters: { mcu: number[]; host: number[] };
   /** Requests alone say what a reply of the MCU is. */

@@ -96,7 +96,7 @@ export class Recorder {
         ["monotonic_us", String(Math.round(this.started * 1e6))],
         ["port", port],
         ["baud", String(baud)],
-        ["adapter_latency", "0.0"],
+        ["adapter_latency", String(this.facts.adapter_latency)],
       ]),
     });
     await this.writer.addAttachment({

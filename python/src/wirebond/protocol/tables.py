@@ -46,8 +46,10 @@ def format_table(plan: Plan) -> bytes:
     return msgspec.msgpack.encode(table)
 
 
-def session_table(model: Protocol) -> bytes:
+def session_table(model: Protocol, adapter_latency: float = 0.0) -> bytes:
     """All tables of a protocol, for the engine in a browser (`engine/wasm/module.cpp`).
+
+    :param adapter_latency: seconds that the port may hold bytes back: so much longer it waits for the rest of a frame.
 
     `either` is the format of frames of both ends; None where they cannot be told apart.
     """
@@ -57,7 +59,7 @@ def session_table(model: Protocol) -> bytes:
         "mcu": format_table(plan_for(model, End.MCU)),
         "host": format_table(plan_for(model, End.HOST)),
         "either": format_table(plan_for(model, None)) if is_told else None,
-        "idle_seconds": float(model.idle_seconds),
+        "idle_seconds": float(model.idle_seconds) + adapter_latency,
     }
     return msgspec.msgpack.encode(table)
 
