@@ -34,20 +34,17 @@ class SimulatedBoard : public gimbal::Heads {
 using Gimbal = gimbal::Gimbal<SimulatedBoard, wirebond::posix::Port>;
 
 /// A board's line takes a byte every 5.5 us, a pty only those that fit into its reader's buffer: senders wait here
-/// until the queue holds fewer frames. With these, and one more of each of the others, it is not full.
-constexpr std::uint32_t most_held = 8;
-
-/// How many frames the queue holds. Those behind one that a sender has not finished count, too: a computer may take the
-/// processor from that sender for many milliseconds, and nothing behind its frame leaves meanwhile.
-std::uint32_t held(const wirebond::SendAccount& account) {
-  return account.offered - account.refused() - account.sent - account.expired - account.aborted;
-}
+/// while half of the queue is in use. One more frame of each sender fits into the other half.
+///
+/// Bytes, not frames that wait: a computer may suspend a sender inside `send` for many milliseconds. Frames of others
+/// leave meanwhile, but their memory is in use until that sender goes on.
+constexpr std::size_t most_bytes = sizeof(gimbal::Buffers::send) / 2;
 
 void send_at_rhythm(Gimbal& firmware, std::size_t sender, const std::atomic<bool>& ends) {
   using Clock = std::chrono::steady_clock;
   constexpr std::chrono::microseconds period(gimbal::period_us);
   const auto waits = [&] {
-    return firmware.link().state() == wirebond::LinkState::down || held(firmware.link().send_account()) > most_held;
+    return firmware.link().state() == wirebond::LinkState::down || firmware.link().send_bytes_in_use() > most_bytes;
   };
   for (Clock::time_point next = Clock::now(); !ends; next = std::max(next + period, Clock::now())) {
     std::this_thread::sleep_until(next);

@@ -284,6 +284,9 @@ class Link : private SendPause<Protocol::pause_us>,
   /// Counts from the other end's sequence numbers: how many of its frames are missing. Zeros if it sends none.
   SequenceCounts<std::uint32_t> sequence() const { return receiver_.sequence(); }
   SendAccount send_account() const { return outbox_.account(); }
+  /// Bytes of the send queue that are not free: frames that wait, and those that left after one that its sender has not
+  /// finished. Any context. Without urgent frames and `latest` messages, which have their own memory.
+  std::size_t send_bytes_in_use() const { return outbox_.used_bytes(); }
 
   /// Return when `poll` has work that no interrupt announces, for firmware that sleeps until then: 0 to 100 ms after
   /// `now_us`, which was read before the call. Also poll after each of the UART's interrupts; a `send` needs no poll.
