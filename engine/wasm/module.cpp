@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "session.hpp"
+#include "wirebond/engine/spans.hpp"
 
 namespace wirebond::engine {
 
@@ -277,6 +278,32 @@ WIREBOND_EXPORT(read) const std::uint8_t* wirebond_read(unsigned sender, double 
       for (const Event& event : arrivals.events) out.push_back(to_node(*arrivals.batch, event));
     }
     return Node(std::move(out));
+  });
+}
+
+/// Input: the bytes of one frame. Result: a map of `message`, `form` (its number), `payload` (see payload_on_wire:
+/// place and size, or null) and `spans` (see spans_of), each a list of name, level, place and size; if the bytes are no
+/// frame, a map of `account`, whose causes say why.
+WIREBOND_EXPORT(explain) const std::uint8_t* wirebond_explain(unsigned sender, int expected) {
+  return answered([&] {
+    Decoder alone(open_session().protocol, format_of(sender), session->idle_seconds);
+    if (expected >= 0) alone.expect(static_cast<std::int16_t>(expected), -1, std::nullopt);
+    for (const Arrivals& arrivals : {alone.feed(input.data(), input.size(), 0), alone.finish()}) {
+      if (arrivals.events.empty()) continue;
+      const Event& event = arrivals.events.front();
+      Node::List spans;
+      for (Span& span : spans_of(*arrivals.batch, event)) {
+        spans.push_back(Node::List{std::move(span.name), span.level, span.at, span.size});
+      }
+      const std::optional<Place> place = payload_on_wire(*arrivals.batch, event);
+      Node payload;
+      if (place) payload = Node::List{place->at, place->size};
+      return Node(Node::Map{{"message", to_node(*arrivals.batch, event)},
+                            {"form", event.form},
+                            {"payload", std::move(payload)},
+                            {"spans", std::move(spans)}});
+    }
+    return Node(Node::Map{{"account", alone.account()}});
   });
 }
 

@@ -70,6 +70,34 @@ def test_a_hidden_tab_gives_control_up(rover: Rover) -> None:
     page.keyboard.up("ArrowUp")
 
 
+@pytest.mark.parametrize("reloads", [False, True])
+def test_a_stop_holds_after_a_new_connection(rover: Rover, reloads: bool) -> None:
+    """Also in a page that was loaded again. That one did not stop the robot: it asks twice before it releases."""
+    page = rover.seat.connected("control")
+    rover.drive(page)
+    page.keyboard.press("Space")
+    banner = page.get_by_role("alert").filter(has_text="Emergency stop")
+    expect(banner).to_be_visible()
+    page.keyboard.up("ArrowUp")
+    page.locator("nav").get_by_text("Link", exact=True).click()
+    page.get_by_role("button", name="Disconnect").click()
+    expect(banner).not_to_be_visible()  # there is no robot to stop
+    if reloads:
+        page.reload()
+    begun = time.monotonic()
+    page.get_by_role("button", name="again").click()
+    expect(banner).to_be_visible()
+    wait_until(lambda: velocities(rover.seat, begun), "the stop is sent again")
+    banner.get_by_role("button", name="Release the stop").click()
+    if reloads:
+        banner.get_by_role("button", name="Yes, release the stop by console").click()
+    expect(banner).not_to_be_visible()
+    page.reload()
+    page.get_by_role("button", name="again").click()
+    expect(page.locator("header .state")).to_contain_text("Up")
+    expect(banner).not_to_be_visible()
+
+
 @pytest.fixture
 def slow_seat(diffdrive_page: Path, browser: Browser) -> Iterator[Seat]:
     """A port at which nothing answers. At 1200 baud a frame takes 90 ms."""

@@ -33,6 +33,7 @@ class Wire:
     """
 
     def __init__(self, folder: Path) -> None:
+        self.folder = folder
         self.device = ""  # the tty
         self.written = bytearray()
         self.writes: list[tuple[float, bytes]] = []

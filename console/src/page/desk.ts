@@ -21,7 +21,6 @@ export type Others = Record<string, (asked: Asked) => unknown>;
 
 export class Desk {
   holder: string | null = null;
-  stoppedBy: string | null = null;
   private name = "";
   private isAttached = false;
   private mustAsk = false; // it lost control against its will: no command takes it by itself
@@ -37,6 +36,10 @@ export class Desk {
     private readonly robot: () => Robot | null,
     private readonly others: Others,
     private readonly say: (message: Record<string, unknown>) => void,
+    /** The program that stopped the robot, perhaps before this page was loaded; null: no stop is latched. */
+    public stoppedBy: string | null,
+    /** Keeps that name for the next page; null: the stop is released. */
+    private readonly keepStop: (by: string | null) => void,
   ) {}
 
   get isPresent(): boolean {
@@ -90,7 +93,6 @@ export class Desk {
   /** The link is another one, or none: nobody is in control. */
   forget(): void {
     this.endControl("released");
-    this.stoppedBy = null;
     for (const number of [...this.questions.keys()]) this.withdraw(number);
   }
 
@@ -203,14 +205,17 @@ export class Desk {
           );
         }
         robot.stop();
-        this.stoppedBy = this.name;
+        this.setStopped(this.name);
         this.mustAsk = true;
         this.endControl("emergency stop");
         return null;
       case "release_stop":
         this.mustBeNew(asked.tick);
+        if (this.stoppedBy !== null && ![this.name, asked.over].includes(this.stoppedBy) && asked.over !== true) {
+          throw new StoppedByOtherError(this.stoppedBy);
+        }
         robot.releaseStop();
-        this.stoppedBy = null;
+        this.setStopped(null);
         this.mustAsk = false;
         return null;
       case "recover":
@@ -225,6 +230,11 @@ export class Desk {
         ];
     }
     throw new RefusedError("not_understood", `a page does not have the request ${what}; use \`wirebond serve\` for it`);
+  }
+
+  private setStopped(by: string | null): void {
+    this.stoppedBy = by;
+    this.keepStop(by);
   }
 
   private command(robot: Robot, asked: Asked, hold: number): unknown {
@@ -310,7 +320,15 @@ export class Desk {
   }
 }
 
-function refusal(error: Error): { error: string; text: string } {
+/** Another page stopped the robot: releasing that stop is a second decision. */
+class StoppedByOtherError extends RefusedError {
+  constructor(readonly by: string) {
+    super("stopped_by_other", `${by} stopped the robot; look at the robot, then release the stop`);
+  }
+}
+
+function refusal(error: Error): { error: string; text: string; by?: string } {
+  if (error instanceof StoppedByOtherError) return { error: error.word, text: error.message, by: error.by };
   if (error instanceof RefusedError) return { error: error.word, text: error.message };
   if (error instanceof EngineError && error.kind === "message") return { error: "message", text: error.message };
   return { error: "refused", text: error.message };
@@ -333,7 +351,8 @@ function withBytes(
   return Object.fromEntries(Object.entries(values).map(([name, value]) => [name, one(value, forms.get(name))]));
 }
 
-function bytesOf(digits: string): Uint8Array {
+/** The bytes of hexadecimal digits. Throws a `RefusedError`. */
+export function bytesOf(digits: string): Uint8Array {
   const text = digits.replace(/\s/g, "");
   if (!/^([0-9a-f]{2})*$/i.test(text)) {
     throw new RefusedError("message", `${digits.slice(0, 40)} are no bytes; write two hexadecimal digits for each`);

@@ -1,7 +1,7 @@
 // The file that `wirebond gen FILE --lang page` writes for one protocol: what the page needs of it beside the engine.
 import type { Protocol } from "../protocol";
 
-export const VERSION = 1;
+export const VERSION = 2;
 
 /** How a request finds its reply; see wirebond/protocol/replies.py. */
 export interface Request {
@@ -19,6 +19,12 @@ export interface Stop {
   every: number; // seconds between two while a stop holds
   covered: boolean; // the file's own address is a broadcast
 }
+export interface FramePart {
+  name: string;
+  size: number | null; // bytes; null: the payload
+  header: string[]; // the header fields in it
+  is_id: boolean;
+}
 export interface Facts {
   version: number;
   wirebond: string; // the release that wrote it
@@ -30,6 +36,8 @@ export interface Facts {
   adapter_latency: number; // seconds that the port may hold bytes back
   actions: string[]; // of deadlines at the host, in the engine's order
   delimiters: { mcu: number[]; host: number[] };
+  /** By the sender: the parts of its frames, for each form that the engine knows. */
+  forms: { mcu: FramePart[][]; host: FramePart[][] };
   /** Requests alone say what a reply of the MCU is. */
   told: boolean;
   requests: Record<string, Request>;

@@ -105,7 +105,7 @@ export class Source {
 
   /** No bytes of this end came up to `t`. */
   idle(sender: Sender, t: number): void {
-    if (this.fed[sender] === 0) return;
+    if (this.fed[sender] === 0 || t <= this.fed[sender]) return;
     this.fed[sender] = 0;
     this.streams[sender].idle(t, (rows) => this.take(sender, rows));
     this.markDiscards(sender);

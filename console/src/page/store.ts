@@ -14,9 +14,14 @@ export interface Store {
   create(name: string): Promise<Growing>;
   read(name: string): Promise<Blob>;
   remove(name: string): Promise<void>;
+  /** The text that was kept by this name; null: none was. Empty if it cannot be read, or was not written whole. */
+  kept(name: string): Promise<string | null>;
+  /** Keeps a small text, also over a reload; null: forgets it. Calls take effect in their order. */
+  keep(name: string, text: string | null): Promise<void>;
 }
 /** Of a file in a worker; the types for a window do not have it. */
 interface SyncFile {
+  truncate(size: number): void;
   write(bytes: Uint8Array, options: { at: number }): number;
   flush(): void;
   close(): void;
@@ -38,6 +43,7 @@ export async function openStore(): Promise<Store> {
 
 class Files implements Store {
   readonly isLasting = true;
+  private keeping: Promise<void> = Promise.resolve();
 
   constructor(private readonly folder: FileSystemDirectoryHandle) {}
 
@@ -50,6 +56,7 @@ class Files implements Store {
   async create(name: string): Promise<Growing> {
     const file = (await this.folder.getFileHandle(name, { create: true })) as Handle;
     const handle = await file.createSyncAccessHandle();
+    handle.truncate(0);
     let at = 0;
     return {
       write: (bytes) => {
@@ -69,11 +76,39 @@ class Files implements Store {
   remove(name: string): Promise<void> {
     return this.folder.removeEntry(name);
   }
+
+  async kept(name: string): Promise<string | null> {
+    try {
+      return await (await this.read(`.${name}`)).text();
+    } catch (error) {
+      return (error as Error).name === "NotFoundError" ? null : "";
+    }
+  }
+
+  keep(name: string, text: string | null): Promise<void> {
+    this.keeping = this.keeping.catch(() => {}).then(() => this.write(`.${name}`, text));
+    return this.keeping;
+  }
+
+  private async write(name: string, text: string | null): Promise<void> {
+    if (text === null) {
+      await this.remove(name).catch(() => {});
+      return;
+    }
+    const file = await this.create(name); // from here on it exists, whatever happens to its text
+    try {
+      file.write(new TextEncoder().encode(text));
+      file.flush();
+    } finally {
+      file.close();
+    }
+  }
 }
 
 class Memory implements Store {
   readonly isLasting = false;
   private readonly files = new Map<string, Uint8Array<ArrayBuffer>[]>();
+  private readonly texts = new Map<string, string>();
 
   names(): Promise<string[]> {
     return Promise.resolve([...this.files.keys()]);
@@ -92,6 +127,16 @@ class Memory implements Store {
 
   remove(name: string): Promise<void> {
     this.files.delete(name);
+    return Promise.resolve();
+  }
+
+  kept(name: string): Promise<string | null> {
+    return Promise.resolve(this.texts.get(name) ?? null);
+  }
+
+  keep(name: string, text: string | null): Promise<void> {
+    if (text === null) this.texts.delete(name);
+    else this.texts.set(name, text);
     return Promise.resolve();
   }
 }

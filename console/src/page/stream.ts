@@ -14,6 +14,12 @@ export interface Piece {
   name: string;
   bytes: Uint8Array;
 }
+/** A value's name, level, place in the payload and size; see engine/include/wirebond/engine/spans.hpp. */
+export type Span = [string, number, number, number];
+/** `payload`: place and size on the wire; null: stuffing moves the bytes. */
+export type Explained =
+  | { message: Message; form: number; payload: [number, number] | null; spans: Span[] }
+  | { account: { rejected_candidates: Record<string, number> } };
 interface Frame {
   t: number;
   offset: number;
@@ -165,6 +171,11 @@ export class Stream {
   message(raw: Uint8Array, name: string, t: number): Message | null {
     const [found] = this.engine.call<Message[]>("read", raw, this.sender, t * 1e6, this.asking.get(name) ?? -1);
     return found ?? null;
+  }
+
+  /** Explains the bytes of one frame; if they are none, returns the account of a decoder that reads them alone. */
+  explain(raw: Uint8Array, name = ""): Explained {
+    return this.engine.call("explain", raw, this.sender, this.asking.get(name) ?? -1);
   }
 
   /** The last entries, oldest first. `name`: frames of this message alone; null: all; empty: none, and no delimiters

@@ -2,8 +2,9 @@
 // whose thread stalls cannot drive a robot on, and one that draws much delays nothing.
 import { fromBase64 } from "./base64";
 import { Clock } from "./clock";
-import { Desk } from "./desk";
+import { bytesOf, Desk } from "./desk";
 import { Engine, HOST, MCU } from "./engine";
+import { explain } from "./explain";
 import { VERSION, type Facts } from "./facts";
 import { RateMeter } from "./rates";
 import { Recorder } from "./recorder";
@@ -30,6 +31,7 @@ export type FromWorker =
 
 const LOOK_EVERY = 20; // ms
 const COPIED = 1 << 22; // bytes at once
+const STOP = "stop"; // the kept name of the page that stopped the robot
 const QUIET = 0.1; // seconds: bytes that came so long ago are in the tap
 const clock = new Clock();
 
@@ -46,6 +48,7 @@ class Page {
   private deskId = 0;
   private readonly desk: Desk;
   private opening = 0;
+  private readonly looking: ReturnType<typeof setInterval>;
 
   constructor(
     private readonly module: ArrayBuffer,
@@ -53,6 +56,7 @@ class Page {
     private readonly store: Store,
     private readonly ports: Ports,
     private readonly post: (message: FromWorker, transfer?: Transferable[]) => void,
+    stoppedBy: string | null,
   ) {
     const others = {
       record_start: () => this.record(),
@@ -67,8 +71,10 @@ class Page {
       () => this.robot,
       others,
       (message) => this.post({ kind: "said", id: this.deskId, data: JSON.stringify(message) }),
+      stoppedBy,
+      (by) => void store.keep(STOP, by).catch((error: Error) => this.sayNotKept(error)),
     );
-    setInterval(() => this.look(), LOOK_EVERY);
+    this.looking = setInterval(() => this.look(), LOOK_EVERY);
   }
 
   // ---- connections of the page
@@ -104,6 +110,11 @@ class Page {
     open: (name: string) => page.replay(name),
   }))(this);
 
+  private sayNotKept(error: Error): void {
+    const text = `the emergency stop holds, but it would be forgotten if this page were reloaded: ${error.message}`;
+    this.source?.happenings.note(clock.now(), "stop_not_kept", { text });
+  }
+
   // ---- the rhythm
 
   private look(): void {
@@ -111,7 +122,6 @@ class Page {
     if (robot && source) {
       robot.look();
       this.takeFrom(robot, source);
-      if (robot.isStopped && this.desk.stoppedBy === null) this.desk.stoppedBy = "the page";
     }
     this.desk.look();
     for (const rounds of this.rounds.values()) rounds.look();
@@ -220,6 +230,12 @@ class Page {
         if (!name) return { folder: null, recordings: await this.recordings() };
         if (name.endsWith(".csv")) return this.recordedCsv(name.slice(0, -4), url.searchParams);
         return this.store.read(name);
+      case "explain": {
+        const { bytes, sender } = body as { bytes: string; sender: "host" | "mcu" | null };
+        const source = this.source ?? (await [...this.replays.values()].at(-1))?.source;
+        if (!source) throw new Error("no port is connected; choose one first");
+        return explain(source, bytesOf(bytes), sender);
+      }
       case "add":
         return this.addRecording(body as { name: string; file: Blob });
       case "samples.csv":
@@ -252,6 +268,8 @@ class Page {
       await robot.end();
       return null;
     }
+    // A stop holds until a person releases it, whatever was closed in between.
+    if (this.desk.stoppedBy !== null && this.facts.stops.length > 0) robot.stop();
     this.robot = robot;
     this.framesBefore = 0;
     this.source = new Source(engine, this.facts);
@@ -268,6 +286,13 @@ class Page {
     this.source = null;
     await robot?.end();
     return { ok: null };
+  }
+
+  /** A page of another protocol takes its place. */
+  async end(): Promise<void> {
+    clearInterval(this.looking);
+    this.desk.leave();
+    await this.disconnect();
   }
 
   /** The browser has a port more. */
@@ -383,7 +408,10 @@ declare const self: {
   postMessage(message: FromWorker, transfer?: Transferable[]): void;
   onmessage: ((event: MessageEvent<ToWorker>) => void) | null;
 };
+const serial = navigator.serial as Serial | undefined;
+serial?.addEventListener("connect", () => page?.appeared());
 let page: Page | null = null;
+let opened: Promise<Store> | null = null; // one for all pages, so that recordings in memory stay
 const early: ToWorker[] = []; // that came before the page had begun
 
 function take(message: ToWorker): void {
@@ -419,11 +447,13 @@ self.onmessage = (event: MessageEvent<ToWorker>) => {
   const { module, facts } = message;
   if (facts.version !== VERSION)
     throw new Error("the page and its protocol are of different releases; make both again");
-  void openStore().then((store) => {
-    const serial = navigator.serial as Serial | undefined;
+  const before = page;
+  page = null;
+  void Promise.all([(opened ??= openStore()), before?.end()]).then(async ([store]) => {
     const ports: Ports = { getPorts: () => (serial ? (serial.getPorts() as Promise<Port[]>) : Promise.resolve([])) };
-    page = new Page(module, facts, store, ports, (answer, transfer = []) => self.postMessage(answer, transfer));
-    serial?.addEventListener("connect", () => page!.appeared());
+    const say = (answer: FromWorker, transfer: Transferable[] = []) => self.postMessage(answer, transfer);
+    const kept = await store.kept(STOP);
+    page = new Page(module, facts, store, ports, say, kept === "" ? "a page that is not known any more" : kept);
     for (const one of early.splice(0)) take(one);
   });
 };

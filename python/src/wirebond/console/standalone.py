@@ -26,14 +26,14 @@ from wirebond.link.raw import is_raw
 from wirebond.link.service_values import filled
 from wirebond.link.settings import STOP_EVERY, engine_settings
 from wirebond.protocol.meaning.log_text import Shown, log_pieces
-from wirebond.protocol.model import End, Field, GivenMessage, Message
-from wirebond.protocol.model.forms import header_fields
+from wirebond.protocol.model import End, Field, GivenMessage, Message, PartKind
+from wirebond.protocol.model.forms import FormParts, header_fields, header_names, parts_of_forms
 from wirebond.protocol.planning import plan_for, told_by_request
 from wirebond.protocol.replies import carried_back, identifying
 from wirebond.protocol.tables import session_table
 from wirebond.recording.history.source import ENDS, Source
 
-VERSION = 1
+VERSION = 2
 TABLES = "protocol.json"
 _ENGINE = "engine.wasm"
 _INDEX = "index.html"
@@ -133,6 +133,7 @@ def facts(codec: Codec) -> dict[str, Any]:
             "adapter_latency": ADAPTER_LATENCY,
             "actions": actions_at(codec, End.HOST),
             "delimiters": {end.value: sorted({*plan.opening, *plan.closing}) for end, plan in plans.items()},
+            "forms": {end.value: [_form(form) for form in parts_of_forms(model.format.parts, end)] for end in ENDS},
             "told": bool(told_by_request(model.messages, End.MCU)),
             "requests": {
                 message.name: _request(message, messages[message.reply])
@@ -146,6 +147,19 @@ def facts(codec: Codec) -> dict[str, Any]:
         }
     )
     return told
+
+
+def _form(form: FormParts) -> list[dict[str, Any]]:
+    """The parts of a frame of this form, in the order of the wire."""
+    return [
+        {
+            "name": part.name,
+            "size": None if part.kind == PartKind.PAYLOAD else part.size,
+            "header": header_names(part),
+            "is_id": part.kind == PartKind.ID,
+        }
+        for part in form.parts
+    ]
 
 
 def _request(message: Message, reply: Message) -> dict[str, Any]:
