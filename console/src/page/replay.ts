@@ -7,6 +7,7 @@ import type { Facts } from "./facts";
 import { METADATA } from "./recorder";
 import type { Replay } from "./rounds";
 import { Source, type Read } from "./source";
+import type { Store } from "./store";
 
 const PIECE = 1 << 22; // bytes that are read at once
 const KEEP = 1 << 30; // bytes of each direction
@@ -33,8 +34,7 @@ interface Content {
 /** Reads a recording. `module`: the engine's bytes. Throws an `Error` with a sentence. */
 export async function openReplay(name: string, file: Blob, module: BufferSource, facts: Facts): Promise<Replay> {
   const { about, reads, events, duration, problems } = await contentOf(file);
-  if (!about)
-    throw new Error(`${name} is no recording of Wirebond; choose one that \`wirebond record\` or a page made`);
+  if (!about) throw noRecording(name);
   if (about.hash !== facts.protocol.hash) {
     throw new Error(
       `${name} is a recording of ${about.protocol} (${about.hash}), and this page knows ${facts.protocol.name} ` +
@@ -65,6 +65,24 @@ export async function openReplay(name: string, file: Blob, module: BufferSource,
 /** What a file says of itself, from its first bytes. */
 export async function aboutFile(file: Blob): Promise<About | null> {
   return (await contentOf(file.slice(0, 1 << 16))).about;
+}
+
+/** Copies a recording into the store; returns the name that it has there. Throws an `Error` with a sentence. */
+export async function addRecording(store: Store, name: string, file: Blob): Promise<string> {
+  if (!(await aboutFile(file))) throw noRecording(name);
+  const taken = await store.names();
+  let free = name;
+  for (let n = 2; taken.includes(free); n++) free = name.replace(/(\.\w+)?$/, `-${n}$1`);
+  const to = await store.create(free);
+  for (let at = 0; at < file.size; at += PIECE)
+    to.write(new Uint8Array(await file.slice(at, at + PIECE).arrayBuffer()));
+  to.flush();
+  to.close();
+  return free;
+}
+
+function noRecording(name: string): Error {
+  return new Error(`${name} is no recording of Wirebond; choose one that \`wirebond record\` or a page made`);
 }
 
 async function contentOf(file: Blob): Promise<Content> {

@@ -8,7 +8,7 @@ import { explain } from "./explain";
 import { VERSION, type Facts } from "./facts";
 import { RateMeter } from "./rates";
 import { Recorder } from "./recorder";
-import { aboutFile, openReplay } from "./replay";
+import { aboutFile, addRecording, openReplay } from "./replay";
 import { RefusedError, Robot, type Port, type Ports } from "./robot";
 import { Rounds, type Replay, type Scene } from "./rounds";
 import { samplesAsCsv } from "./samples";
@@ -30,7 +30,6 @@ export type FromWorker =
   | { kind: "answer"; id: number; ok?: unknown; error?: string };
 
 const LOOK_EVERY = 20; // ms
-const COPIED = 1 << 22; // bytes at once
 const STOP = "stop"; // the kept name of the page that stopped the robot
 const QUIET = 0.1; // seconds: bytes that came so long ago are in the tap
 const clock = new Clock();
@@ -236,8 +235,10 @@ class Page {
         if (!source) throw new Error("no port is connected; choose one first");
         return explain(source, bytesOf(bytes), sender);
       }
-      case "add":
-        return this.addRecording(body as { name: string; file: Blob });
+      case "add": {
+        const added = body as { name: string; file: Blob };
+        return addRecording(this.store, added.name, added.file);
+      }
       case "samples.csv":
         return this.samples(url.searchParams);
     }
@@ -345,22 +346,6 @@ class Page {
       found.push({ name, path: name, state, started, size: file.size, protocol, hash, ...more });
     }
     return found.sort((a, b) => (b.started as number) - (a.started as number));
-  }
-
-  private async addRecording({ name, file }: { name: string; file: Blob }): Promise<string> {
-    if (!(await aboutFile(file))) {
-      throw new Error(`${name} is no recording of Wirebond; choose one that \`wirebond record\` or a page made`);
-    }
-    const taken = await this.store.names();
-    let free = name;
-    for (let n = 2; taken.includes(free); n++) free = name.replace(/(\.\w+)?$/, `-${n}$1`);
-    const to = await this.store.create(free);
-    for (let at = 0; at < file.size; at += COPIED) {
-      to.write(new Uint8Array(await file.slice(at, at + COPIED).arrayBuffer()));
-    }
-    to.flush();
-    to.close();
-    return free;
   }
 
   private replay(name: string): Promise<Replay> {
