@@ -9,13 +9,12 @@
 #include "cdr_packer.hpp"
 #include "columns.hpp"
 #include "decoder.hpp"
-#include "link.hpp"
 #include "link_core_binding.hpp"
 #include "mcap_records.hpp"
 #include "objects.hpp"
 #include "packing.hpp"
+#include "ports.hpp"
 #include "python_values.hpp"
-#include "wirebond/posix/latency.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -128,15 +127,8 @@ NB_MODULE(_engine, m) {
   m.def("message_records", &message_records, "buffer"_a, "at"_a, "end"_a);
   m.def("gathered", &gathered, "buffer"_a, "places"_a, "sizes"_a);
   m.def("packed_records", &packed_records, "buffer"_a, "pieces"_a, "decoded"_a, "payloads"_a);
-  m.def(
-      "port_latency_us",
-      [](const std::string& path, double bytes_per_second, const std::string& ttys) {
-        return wirebond::posix::port_latency_us(path, bytes_per_second, ttys);
-      },
-      "path"_a, "bytes_per_second"_a, "ttys"_a = "/sys/class/tty",
-      "How long the port may hold bytes back, by what the system says of its device.");
   bind_decoder(m);
   bind_columns(m);
   bind_link_core(m);
-  bind_link(m);
+  bind_ports(m);
 }

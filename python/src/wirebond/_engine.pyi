@@ -363,6 +363,8 @@ class Link:
 def port_latency_us(path: str, bytes_per_second: float, ttys: str = "/sys/class/tty") -> int:
     """How long the port may hold received bytes back, in microseconds, by what the system says of its device.
 
+    Exists where the engine has ports of its own, as ``Link`` does.
+
     :param ttys: the folder in which the system lists its ttys.
     """
 

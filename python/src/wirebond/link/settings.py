@@ -90,7 +90,7 @@ def latency_of(codec: Codec, port: PortName, baud: int, given: float | None) -> 
         return settings.adapter_latency
     if port.recording:
         return 0.0
-    if port.is_tcp or port.moves:
+    if port.is_tcp or port.moves or not hasattr(_engine, "port_latency_us"):
         return ADAPTER_LATENCY
     return _engine.port_latency_us(port.text, baud / settings.bits_per_byte) / 1e6
 
