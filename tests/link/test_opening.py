@@ -152,7 +152,7 @@ def test_close_does_not_wait_for_a_server_that_does_not_answer(server: Server) -
         ("http://robot:5000", "is no port that can be opened; give a tty"),
         ("udp://robot:5000", "UDP loses packets and changes their order; give tcp://robot:5000 if"),
         ("sim", "sim is no port; `sim:`, with a colon, is a simulated device"),
-        ("COM3", "COM3 is a port of Windows; Wirebond runs on Linux, where a USB adapter is /dev/ttyUSB0 or"),
+        ("COM3", "COM3 is a port of Windows, and this is another system; on Linux a USB adapter is /dev/ttyUSB0 or"),
         ("com12:", "is a port of Windows"),
         ("can0", "can0 is an interface of CAN, and Wirebond needs a serial port, such as /dev/ttyUSB0"),
         ("vcan1", "is an interface of CAN"),

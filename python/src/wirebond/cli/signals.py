@@ -7,13 +7,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-_ENDING = (signal.SIGTERM, signal.SIGHUP)
+# The window that is closed is SIGHUP on Linux and macOS, and SIGBREAK on Windows.
+_ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)]
 
 
 @contextmanager
 def ended_by_signals() -> Iterator[None]:
-    """Within this, SIGTERM and SIGHUP raise KeyboardInterrupt as Ctrl-C does: once; later ones are ignored until what
-    must be sent has left. Main thread only."""
+    """Within this, SIGTERM and the closing of the terminal raise KeyboardInterrupt as Ctrl-C does: once; later ones are
+    ignored until what must be sent has left. Main thread only."""
 
     def end(_number: int, _frame: FrameType | None) -> None:
         for ending in _ENDING:

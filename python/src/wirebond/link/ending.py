@@ -82,4 +82,5 @@ def _leave_to_the_parent() -> None:
 
 
 atexit.register(_close_all)
-os.register_at_fork(after_in_child=_leave_to_the_parent)
+if hasattr(os, "register_at_fork"):  # Windows does not fork
+    os.register_at_fork(after_in_child=_leave_to_the_parent)

@@ -23,12 +23,12 @@ from wirebond.link.devices.permission import no_permission
 from wirebond.link.devices.port_name import PortName
 from wirebond.link.devices.pty_number import PtyNumber
 
-try:
+if sys.platform == "win32":
+    TtyError: type[Exception] = OSError
+else:
     import termios
 
-    TtyError: type[Exception] = termios.error
-except ImportError:  # as on Windows
-    TtyError = OSError
+    TtyError = termios.error
 ANSWER = 5.0  # seconds that a server has to answer
 # A line without DTR and RTS does not confirm them (ser2net on a pty, sredird on any): they do not matter to a link.
 _RFC2217_OPTIONS = "ign_set_control"
@@ -255,7 +255,7 @@ class PythonOpener:
             return open_rfc2217(f"rfc2217://{self._name.address}?{_RFC2217_OPTIONS}", **options)
         import serial  # noqa: PLC0415
 
-        return serial.serial_for_url(self._at, **options, **({} if os.name == "nt" else {"exclusive": True}))
+        return serial.serial_for_url(self._at, **options, **({} if sys.platform == "win32" else {"exclusive": True}))
 
     def _line_of(self, port: Any, timer: _LatencyTimer) -> dict[str, Any]:
         """What the port really does. An RFC 2217 server has confirmed the settings."""
@@ -286,7 +286,7 @@ class PythonOpener:
     def appearance(self) -> object:
         """Changes when the port's file may have appeared, or may be opened by others than before; always the same
         where there is no file to look at."""
-        if self._name.is_tcp or os.name == "nt":
+        if self._name.is_tcp or sys.platform == "win32":
             return None
         path = Path("/dev/*" if self._name.moves else self._name.text).absolute()
         found: list[tuple[int, int]] = []
@@ -303,10 +303,10 @@ class PythonOpener:
     def _refused(self, error: Exception, code: int | None) -> str:
         path = self._at
         text = str(error)
-        exists = Path(path).exists() if os.name != "nt" else "FileNotFoundError" not in text
+        exists = Path(path).exists() if sys.platform != "win32" else "FileNotFoundError" not in text
         if code == errno.ENOENT or not exists:
             return f"there is no port {path}; plug it in, or look for its name with `{_LIST_PORTS}`"
-        if os.name != "nt" and not stat.S_ISCHR(Path(path).stat().st_mode):
+        if sys.platform != "win32" and not stat.S_ISCHR(Path(path).stat().st_mode):
             what = "a folder, and a serial port is expected" if Path(path).is_dir() else "not a serial port"
             return f"{path} is {what}; give a tty such as /dev/ttyUSB0, /dev/ttyACM0 or a pty"
         if code in (errno.EAGAIN, errno.EBUSY) or "PermissionError" in text:
@@ -356,7 +356,9 @@ _CSIZE, _CSTOPB, _PARENB, _PARODD = 0o60, 0o100, 0o400, 0o1000
 
 def _read_back(descriptor: int, asked_baud: int) -> dict[str, Any]:
     """Rate and shape of the bytes as the driver has them."""
-    import fcntl  # noqa: PLC0415 Windows has none
+    if sys.platform == "win32":
+        return {}
+    import fcntl  # noqa: PLC0415
 
     raw = fcntl.ioctl(descriptor, _TCGETS2, bytes(44))
     flags, rate = struct.unpack_from("=I", raw, 8)[0], struct.unpack_from("=I", raw, 40)[0]
@@ -370,6 +372,8 @@ def _read_back(descriptor: int, asked_baud: int) -> dict[str, Any]:
 
 def _low_latency(descriptor: int) -> bool | None:
     """Does the driver have the flag? None: it knows no such flags."""
+    if sys.platform == "win32":
+        return None
     import fcntl  # noqa: PLC0415
 
     try:
@@ -382,7 +386,7 @@ def _low_latency(descriptor: int) -> bool | None:
 def _unlock(port: Any) -> None:
     """End the lock of pyserial's "exclusive" at once. A process that was just forked has a copy of the descriptor until
     it runs another program, and with it the lock."""
-    if os.name != "nt":
+    if sys.platform != "win32":
         import fcntl  # noqa: PLC0415
 
         fcntl.flock(port.fileno(), fcntl.LOCK_UN)
@@ -410,4 +414,4 @@ class _LatencyTimer:
         return {"latency_timer": (str(self._path), self._before, self._before if now is None else now, code)}
 
 
-_LIST_PORTS = "python -m serial.tools.list_ports" if os.name == "nt" else "ls /dev/tty*"
+_LIST_PORTS = {"linux": "ls /dev/tty*", "darwin": "ls /dev/cu.*"}.get(sys.platform, "python -m serial.tools.list_ports")

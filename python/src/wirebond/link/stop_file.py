@@ -13,6 +13,7 @@ from pathlib import Path
 from wirebond.errors import UsageError
 from wirebond.link.attached.address import make_socket_folder
 from wirebond.seldom import Seldom, and_more
+from wirebond.system import NOT_A_LINK, WITHOUT_WAITING
 
 _log = logging.getLogger("wirebond.server")  # which `wirebond serve` prints
 _UNKNOWN = "a program that is not known any more"
@@ -52,7 +53,7 @@ class StopFile:
         if self._path is None or name == self._written:
             return
         try:
-            descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
+            descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT | NOT_A_LINK | WITHOUT_WAITING, 0o600)
         except OSError as error:
             self._say(
                 f"the emergency stop holds, but it would be forgotten if this program were restarted: {self._path} "
@@ -112,7 +113,7 @@ def _text_of(path: Path) -> str:
     :raises OSError: it is not there, or cannot be read.
     :raises ValueError: it is no file that ``write`` made.
     """
-    descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+    descriptor = os.open(path, os.O_RDONLY | NOT_A_LINK | WITHOUT_WAITING)
     with os.fdopen(descriptor, "rb") as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
             raise ValueError("no regular file")

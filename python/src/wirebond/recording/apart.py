@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import subprocess
 import sys
 from pathlib import Path
+
+from wirebond.system import APART, give_way
 
 _SIGNALLED = 130  # exit code after Ctrl-C
 
@@ -22,7 +23,7 @@ def begin_closing(path: Path) -> subprocess.Popen[bytes]:
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
-        start_new_session=True,
+        **APART,
     )
 
 
@@ -41,5 +42,5 @@ def _main(path: Path) -> int:
 
 if __name__ == "__main__":
     with contextlib.suppress(OSError):
-        os.nice(5)
+        give_way(5)
     sys.exit(_main(Path(sys.argv[1])))

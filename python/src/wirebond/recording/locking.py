@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-try:
-    import fcntl
-except ImportError:  # as on Windows
-    fcntl = None  # type: ignore[assignment]
+import sys
 
 
 def lock(descriptor: int) -> bool:
-    """Until the descriptor is closed. False: another one has it."""
-    if fcntl is None:
+    """Until the descriptor is closed. False: another one has it. On Windows a lock would keep others from reading the
+    file, so there is none."""
+    if sys.platform == "win32":
         return True
+    import fcntl  # noqa: PLC0415 Windows has none
+
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

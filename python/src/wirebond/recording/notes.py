@@ -31,6 +31,7 @@ from wirebond.recording.mcap_file import (
     string,
     strings,
 )
+from wirebond.system import BINARY
 
 MOST_CHARACTERS = 4096
 _DATA_END_SIZE = HEAD.size + 4
@@ -71,7 +72,7 @@ def annotate(path: Path, text: str) -> None:
     if not text.strip() or len(text) > MOST_CHARACTERS:
         raise UsageError(f"the note has {len(text)} characters; expected 1 to {MOST_CHARACTERS}, and not spaces alone")
     values = {"t_ns": str(time.time_ns()), "text": text}
-    descriptor = os.open(path, os.O_RDWR | getattr(os, "O_CLOEXEC", 0))
+    descriptor = os.open(path, os.O_RDWR | BINARY)
     try:
         if not lock(descriptor) or not os.path.samestat(os.fstat(descriptor), path.stat()):
             raise WirebondError(f"{path} is being recorded or closed at the moment; wait for its end")

@@ -6,6 +6,7 @@ import contextlib
 import errno
 import os
 import secrets
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
@@ -28,9 +29,9 @@ def whole_file(out: Path, *, new: bool = False) -> Iterator[IO[bytes]]:
             raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST))
         if target.is_dir():
             raise IsADirectoryError(21, "a folder")
-        descriptor = os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+        descriptor = os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
         with os.fdopen(descriptor, "wb") as file:
-            if target.exists():
+            if target.exists() and sys.platform != "win32":
                 os.fchmod(file.fileno(), target.stat().st_mode & 0o7777)
             yield file
             file.flush()

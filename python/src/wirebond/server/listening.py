@@ -8,6 +8,7 @@ import os
 import socket
 from pathlib import Path
 
+from wirebond import system
 from wirebond.errors import PortError
 
 _WAITING = 1024  # connections that the system keeps until they are accepted
@@ -31,7 +32,7 @@ class _Listener(socket.socket):
 
 
 def unix_socket(path: str) -> socket.socket:
-    found = _Listener(socket.AF_UNIX)
+    found = _Listener(fileno=system.unix_socket().detach())
     try:
         if _is_served(path):
             raise PortError(f"another server listens at {path}; end that one, or choose another name", None, path)
@@ -57,7 +58,7 @@ def unix_socket(path: str) -> socket.socket:
 
 
 def _is_served(path: str) -> bool:
-    with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX) as probe:
+    with contextlib.suppress(OSError), system.unix_socket() as probe:
         probe.settimeout(1.0)
         probe.connect(path)
         return True

@@ -31,6 +31,7 @@ from wirebond.server.listening import tcp_socket, unix_socket
 from wirebond.server.recordings import Recordings
 from wirebond.server.stop import OWNER, StopBook
 from wirebond.server.strangers import WITHIN, Strangers, WrongTokens
+from wirebond.system import HAS_UNIX_SOCKETS, is_unix_socket
 
 if TYPE_CHECKING:
     from wirebond.link import Link
@@ -94,7 +95,7 @@ class Owner:
     @property
     def port(self) -> int | None:
         """The TCP port that it listens at, or None."""
-        tcp = [s for s in self._sockets if s.family != socket.AF_UNIX]
+        tcp = [s for s in self._sockets if not is_unix_socket(s)]
         return tcp[0].getsockname()[1] if tcp else None
 
     @property
@@ -361,7 +362,7 @@ class Owner:
     def _listen(self, tcp: tuple[str, int] | None) -> list[socket.socket]:
         found: list[socket.socket] = []
         try:
-            if self.path is not None:
+            if self.path is not None and HAS_UNIX_SOCKETS:
                 found.append(unix_socket(self.path))
             if tcp is not None:
                 found.append(tcp_socket(*tcp))
@@ -383,7 +384,7 @@ class Owner:
         self._ended = asyncio.Event()
         servers = []
         for each in self._sockets:
-            if each.family == socket.AF_UNIX:
+            if is_unix_socket(each):
                 servers.append(await self.loop.create_unix_server(self._connected, sock=each, backlog=_BACKLOG))
             else:
                 servers.append(await self.loop.create_server(self._connected, sock=each, backlog=_BACKLOG))

@@ -6,7 +6,6 @@ from __future__ import annotations
 import contextlib
 import os
 import queue
-import signal
 import subprocess
 import threading
 import time
@@ -23,6 +22,7 @@ from wirebond.recording.layout import ENDING
 from wirebond.recording.notes import annotate
 from wirebond.recording.recorder import Recorder
 from wirebond.server.recording_folder import RecordingFolder, by_start
+from wirebond.system import interrupt
 
 if TYPE_CHECKING:
     from wirebond.link import Link
@@ -166,7 +166,7 @@ class Recordings:
         except KeyboardInterrupt:
             process = self._process
             if process is not None:
-                process.send_signal(signal.SIGINT)
+                interrupt(process)
             raise
 
     # ---- inside

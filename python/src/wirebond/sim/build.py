@@ -7,6 +7,7 @@ import os
 import shlex
 import shutil
 import subprocess
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -57,9 +58,13 @@ def compile_once(program: Program, folder: Path) -> Path:
 
     The compiler is ``$CXX``, with ``$CXXFLAGS``.
 
-    :raises UsageError: there is no C++ compiler.
+    :raises UsageError: there is no C++ compiler, or this is Windows.
     :raises WirebondError: it fails.
     """
+    if sys.platform == "win32":
+        raise UsageError(
+            f"{program.what} is a program for Linux and macOS alone; run it there, or on this computer in WSL"
+        )
     sources = sorted(path for base in (*program.includes, program.main.parent) for path in base.rglob("*.[ch]pp"))
     compiler = [*shlex.split(os.environ.get("CXX", "c++")), *shlex.split(os.environ.get("CXXFLAGS", ""))]
     digest = hashlib.sha256(" ".join([*compiler, *_FLAGS]).encode())

@@ -11,12 +11,12 @@ import os
 import select
 import sys
 import threading
-import tty
 from collections.abc import Iterable
 from types import TracebackType
 from typing import Self
 
-from wirebond.sim.pty_port import PtyPort
+from wirebond.sim.pty_port import PtyPort, set_raw
+from wirebond.system import NOT_OUR_TERMINAL, WITHOUT_WAITING
 
 _TICK = 0.05  # seconds between looks at whether it ends
 
@@ -26,6 +26,7 @@ class Bus:
     that send at once disturb each other, as on a real bus. Ends with its ``with`` block.
 
     :raises OSError: a tty cannot be opened.
+    :raises UsageError: this is Windows.
     """
 
     def __init__(self, ttys: Iterable[str]) -> None:
@@ -35,8 +36,8 @@ class Bus:
         self._ends = threading.Event()
         try:
             for path in ttys:
-                self._devices.append(os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK))
-                tty.setraw(self._devices[-1])
+                self._devices.append(os.open(path, os.O_RDWR | NOT_OUR_TERMINAL | WITHOUT_WAITING))
+                set_raw(self._devices[-1])
         except OSError:
             self._close()
             raise

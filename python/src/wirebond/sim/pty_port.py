@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import fcntl
 import os
 import select
 import struct
 import sys
-import termios
 import time
-import tty
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from wirebond.errors import UsageError
 from wirebond.sim.virtual_mcu import VirtualMcu
+from wirebond.system import NOT_OUR_TERMINAL, no_ptys
+
+with contextlib.suppress(ImportError):  # Windows has none
+    import fcntl
+    import termios
+    import tty
 
 _LOOK = 0.02  # seconds between two looks for a program
 _SET_UP = 25  # looks at a program that sets up its port
@@ -24,13 +27,14 @@ _TICK = 0.002  # seconds between looks at the schedule
 
 
 class PtyPort:
-    """A pseudo-terminal whose other side anybody can open as a tty. ``path`` is that side."""
+    """A pseudo-terminal whose other side anybody can open as a tty. ``path`` is that side.
+
+    :raises UsageError: this is Windows.
+    """
 
     def __init__(self) -> None:
-        self._controller, self._keeper = os.openpty()  # the keeper keeps the line alive while nobody has it open
-        tty.setraw(self._keeper)
-        os.set_blocking(self._controller, False)
-        self.path = os.ttyname(self._keeper)
+        # The keeper keeps the line alive while nobody has it open.
+        self._controller, self._keeper, self.path = _raw_pty()
         self.lost_bytes = 0  # nobody read: the line has no flow control, as a UART has none
 
     def read(self, timeout: float) -> bytes:
@@ -56,6 +60,8 @@ class PtyPort:
 
         From here on the line is in packet mode (ioctl_tty(2), TIOCPKT), which shows it; ``read`` is not for that mode.
         """
+        if sys.platform == "win32":
+            return
         fcntl.ioctl(self._controller, termios.TIOCPKT, struct.pack("i", 1))
         self._close_keeper()
         watched = select.poll()
@@ -63,7 +69,7 @@ class PtyPort:
         while watched.poll(0):  # hung up
             time.sleep(_LOOK)
         with contextlib.suppress(OSError):  # some keep others out, and the line is alive by them
-            self._keeper = os.open(self.path, os.O_RDWR | os.O_NOCTTY)
+            self._keeper = os.open(self.path, os.O_RDWR | NOT_OUR_TERMINAL)
         for _ in range(_SET_UP):
             time.sleep(_LOOK)
             if self._was_flushed():
@@ -71,7 +77,7 @@ class PtyPort:
 
     def unread(self) -> int | None:
         """Bytes that were written, and that the program has not read yet; None where that cannot be told."""
-        if self._keeper < 0:
+        if self._keeper < 0 or sys.platform == "win32":
             return None
         if not select.select([self._keeper], [], [], 0)[0]:  # unlike FIONREAD, it waits for bytes on their way
             return 0
@@ -80,6 +86,8 @@ class PtyPort:
         return int.from_bytes(waiting, sys.byteorder)
 
     def _was_flushed(self) -> bool:
+        if sys.platform == "win32":
+            return False
         try:
             return bool(os.read(self._controller, 4096)[0] & termios.TIOCPKT_FLUSHREAD)
         except OSError:  # nothing has happened, or the program is gone again
@@ -96,6 +104,25 @@ class PtyPort:
         if self._keeper >= 0:
             os.close(self._keeper)
         self._keeper = -1
+
+
+def _raw_pty() -> tuple[int, int, str]:
+    """Both ends of a new pty, and the path of the second."""
+    if sys.platform == "win32":
+        raise no_ptys("a device that is simulated or replayed")
+    controller, tty_end = os.openpty()
+    set_raw(tty_end)
+    os.set_blocking(controller, False)
+    return controller, tty_end, os.ttyname(tty_end)
+
+
+def set_raw(descriptor: int) -> None:
+    """Let a tty give every byte as it is.
+
+    :param descriptor: of the open tty.
+    """
+    if sys.platform != "win32":
+        tty.setraw(descriptor)
 
 
 def run(mcu: VirtualMcu, port: PtyPort, until: float, on_event: Callable[[str], None]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 from wirebond.cli.output import console
@@ -13,7 +14,8 @@ def rover_program() -> Path:
     """The compiled rover. Compiling takes seconds, so the terminal says it.
 
     :raises WirebondError: there is no C++ compiler, or it fails.
+    :raises UsageError: this is Windows.
     """
-    if shipped(rover.NAME) is None:
+    if shipped(rover.NAME) is None and sys.platform != "win32":
         console.print("building the rover's firmware for this machine …", style="dim")
     return rover.build()

@@ -12,7 +12,7 @@ from wirebond.cli.commands.identify import formats_with
 from wirebond.cli.commands.identify_view import show, show_json
 from wirebond.cli.output import errors, plain
 from wirebond.errors import UsageError
-from wirebond.link.devices.port_name import port_name
+from wirebond.link.devices.port_name import is_com_port, port_name
 from wirebond.link.raw import listen_at
 
 DEFAULT_SECONDS = 2.0  # at each setting
@@ -22,6 +22,8 @@ def is_port(source: str) -> bool:
     """Does this name a port, and not a capture?"""
     if source.startswith(("usb:", "/dev/")) or "://" in source:
         return source not in ("/dev/stdin", "/dev/null")
+    if is_com_port(source):
+        return True
     with suppress(OSError, ValueError):
         return stat.S_ISCHR(Path(source).stat().st_mode)
     return False

@@ -25,6 +25,7 @@ from wirebond.link.common_port import CommonPort
 from wirebond.server import Server
 from wirebond.server.listening import is_loopback
 from wirebond.server.recordings import Recordings
+from wirebond.system import HAS_UNIX_SOCKETS, NO_UNIX_SOCKETS
 
 if TYPE_CHECKING:
     from wirebond.console import Console
@@ -79,6 +80,8 @@ def serve_port(given: Serving) -> None:
     topics = _topics(codecs[0], given.mapping) if given.ros2 or given.mapping is not None else None
     host = _host_and_port(given.tcp)
     web = None if given.web is None else web_address(given.web)
+    if not HAS_UNIX_SOCKETS:
+        _refuse_without_unix_sockets(given)
     make_socket_folder()
     with ended_by_signals(), shown_server_log(), ExitStack() as stack:
         port = CommonPort(given.port, given.baud) if len(codecs) > 1 else given.port
@@ -118,9 +121,8 @@ def _serve(
         stack.enter_context(link.record(given.record))
     token = given.token if tcp is None else _token(given, tcp[0])
     server = stack.enter_context(Server(link, where, tcp=tcp, token=token, recordings=given.recordings))
-    errors.print(
-        f"{link.codec.name} on {plain(link.port)}. Attach with [bold]wirebond://{where.stem}[/]", soft_wrap=True
-    )
+    attach = f". Attach with [bold]wirebond://{where.stem}[/]" if HAS_UNIX_SOCKETS else ""
+    errors.print(f"{link.codec.name} on {plain(link.port)}{attach}", soft_wrap=True)
     if tcp is not None:
         address = f"wirebond://{_shown(tcp[0])}:{server.port}"
         errors.print(f"From other programs by TCP: [bold]{address}?token={server.token}[/]", soft_wrap=True)
@@ -148,6 +150,14 @@ def _refuse_for_several(given: Serving, codecs: Sequence[Codec]) -> None:
     ):
         if is_given:
             raise UsageError(f"{option} is for one protocol file, and there are {len(names)}; {instead}")
+
+
+def _refuse_without_unix_sockets(given: Serving) -> None:
+    """What needs a server's name."""
+    if given.tcp is None and given.web is None:
+        raise UsageError(NO_UNIX_SOCKETS)
+    if given.ros2:
+        raise UsageError("the bridge to ROS 2 needs Unix sockets, and Python on this system has none; run it on Linux")
 
 
 def _behind(address: tuple[str, int] | None, number: int) -> tuple[str, int] | None:

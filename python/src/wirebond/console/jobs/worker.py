@@ -15,8 +15,10 @@ from typing import IO, Any, ParamSpec, TypeVar
 
 from wirebond.as_json import encode, plain
 from wirebond.errors import WirebondError
+from wirebond.system import APART
 
 SECONDS = 30  # that one job may take
+TOO_LONG = 75  # exit code of a process whose job took too long, where no signal ends it
 LENGTH = struct.Struct("<Q")
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -74,7 +76,7 @@ class Worker:
                 [sys.executable, "-m", "wirebond.console.jobs.process", str(self.seconds)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
-                start_new_session=True,
+                **APART,
                 env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
             )
         return self._process
@@ -87,7 +89,7 @@ class Worker:
         return process.returncode
 
     def _why(self, code: int) -> str:
-        if code == -signal.SIGALRM:
+        if code == TOO_LONG or (sys.platform != "win32" and code == -signal.SIGALRM):
             return f"this took more than {self.seconds} s and was given up; try it with less"
         return "this was ended before it was done; try it again, or with less"
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import stat
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
@@ -13,7 +14,7 @@ from wirebond.errors import UsageError
 
 SCHEME = "wirebond://"
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,60}")
-_LONGEST_PATH = 107  # bytes of a Unix socket's path: unix(7)
+_LONGEST_PATH = 107 if sys.platform == "linux" else 103  # bytes of a Unix socket's path: unix(7), of macOS unix(4)
 _WANTED = (
     "give wirebond://NAME (a server on this computer, by its name), wirebond:///path/to/socket, or "
     "wirebond://host:port?token=TOKEN"
@@ -69,10 +70,13 @@ def socket_of(name: str) -> Path:
 
 
 def socket_folder() -> Path:
-    """Where the servers of this user have their sockets: in ``XDG_RUNTIME_DIR``, else in ``/tmp``."""
+    """Where the servers of this user have their sockets: in ``XDG_RUNTIME_DIR``, else in ``/tmp``; on Windows, where
+    they have a token and an emergency stop there, in ``LOCALAPPDATA``."""
     runtime = os.environ.get("XDG_RUNTIME_DIR")
     if runtime:
         return Path(runtime) / "wirebond"
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home()) / "wirebond"
     return Path("/tmp") / f"wirebond-{os.getuid()}"  # noqa: S108 made with mode 0700, and its owner is checked
 
 
@@ -89,6 +93,8 @@ def make_socket_folder() -> Path:
             f"cannot make the folder {folder} for the server's socket: {error.strerror or error}; set "
             "XDG_RUNTIME_DIR to a folder of yours"
         ) from None
+    if sys.platform == "win32":
+        return folder  # in a folder of this user, from which the system keeps others out
     found = folder.lstat()
     if found.st_uid != os.getuid() or not stat.S_ISDIR(found.st_mode) or found.st_mode & 0o022:
         raise UsageError(

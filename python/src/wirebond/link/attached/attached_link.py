@@ -11,6 +11,7 @@ import contextlib
 import os
 import select
 import socket
+import sys
 import threading
 import time
 from collections import deque
@@ -673,8 +674,10 @@ class AttachedLink:
 
 def _is_readable(connection: socket.socket, seconds: float) -> bool:
     """Will a read return at once, also with an error? Waits so long for it."""
-    poll = select.poll()
     try:
+        if sys.platform == "win32":  # its select has no limit for the number of a descriptor, and it has no poll
+            return bool(select.select([connection], [], [], seconds)[0])
+        poll = select.poll()
         poll.register(connection, select.POLLIN)
     except ValueError:  # another thread, which could not write to it, has just closed it
         return True

@@ -21,6 +21,7 @@ from wirebond.link.attached.address import ServerAddress
 from wirebond.link.attached.whose_server import ForeignServerError, check_peer, check_place
 from wirebond.link.attached.words import Welcome
 from wirebond.protocol.loader import loads
+from wirebond.system import need_unix_sockets, unix_socket
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 PATIENCE = 2.0  # seconds that the server has for an answer
@@ -78,11 +79,14 @@ def attach(
 
     :param name: of this program, for other clients of the server.
     :raises PortError: it cannot be reached, refuses, or belongs to another user.
+    :raises UsageError: it has a name or a path, and this system has no Unix sockets.
     """
+    if address.path:
+        need_unix_sockets()
     found = None
     try:
         if address.path:
-            found = socket.socket(socket.AF_UNIX)
+            found = unix_socket()
             found.settimeout(PATIENCE)
             check_place(address.path)
             _connect_unix(found, address.path)

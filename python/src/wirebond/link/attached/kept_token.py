@@ -10,11 +10,13 @@ import os
 import re
 import secrets
 import stat
+import sys
 from contextlib import suppress
 from pathlib import Path
 
 from wirebond.errors import UsageError
 from wirebond.link.attached.address import make_socket_folder
+from wirebond.system import NOT_A_LINK, WITHOUT_WAITING
 
 _NAME = "token"
 _TOKEN = re.compile(r"[A-Za-z0-9_-]{16,64}")
@@ -38,7 +40,7 @@ def _write_new(path: Path, token: str) -> None:
     other = path.with_name(f"{_NAME}.{os.getpid()}")
     with suppress(FileNotFoundError):
         other.unlink()
-    descriptor = os.open(other, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o600)
+    descriptor = os.open(other, os.O_WRONLY | os.O_CREAT | os.O_EXCL | NOT_A_LINK, 0o600)
     try:
         with os.fdopen(descriptor, "w", encoding="ascii") as file:
             file.write(token)
@@ -50,12 +52,14 @@ def _write_new(path: Path, token: str) -> None:
 def _read(path: Path) -> str | None:
     """None: there is none that this user alone can read."""
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+        descriptor = os.open(path, os.O_RDONLY | NOT_A_LINK | WITHOUT_WAITING)
     except OSError:
         return None
     with os.fdopen(descriptor, "rb") as file:
         found = os.fstat(file.fileno())
-        if not stat.S_ISREG(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & 0o077:
+        if not stat.S_ISREG(found.st_mode):
+            return None
+        if sys.platform != "win32" and (found.st_uid != os.geteuid() or found.st_mode & 0o077):
             return None
         text = file.read(100).decode("ascii", "replace")
     return text if _TOKEN.fullmatch(text) else None

@@ -6,15 +6,11 @@ there could read every command and invent every answer. Only a server of this us
 
 from __future__ import annotations
 
-import os
-import pwd
 import socket
 import stat
-import struct
-from contextlib import suppress
 from pathlib import Path
 
-_CREDENTIALS = struct.Struct("=iII")  # struct ucred of unix(7): process, user, group
+from wirebond.system import is_trusted, peer_user, user_name
 
 
 class ForeignServerError(Exception):
@@ -30,7 +26,7 @@ def check_place(path: str) -> None:
     folder = Path(path).parent
     of_folder, of_socket = folder.stat(), Path(path).lstat()
     for what, found in ((folder, folder.lstat()), (folder, of_folder), (path, of_socket)):
-        if not _is_trusted(found.st_uid):
+        if not is_trusted(found.st_uid):
             raise ForeignServerError(
                 f"{what} belongs to {_name(found.st_uid)}, so a server there is not yours; {_advice(found.st_uid)}"
             )
@@ -47,25 +43,13 @@ def check_peer(connected: socket.socket, path: str) -> None:
     :raises ForeignServerError: it is another user.
     """
     user = peer_user(connected)
-    if not _is_trusted(user):
+    if not is_trusted(user):
         raise ForeignServerError(f"the server at {path} runs as {_name(user)}, so it is not yours; {_advice(user)}")
 
 
-def peer_user(connected: socket.socket) -> int:
-    """The user who began to listen at the other end of a Unix socket."""
-    data = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-    return int(_CREDENTIALS.unpack(data)[1])
-
-
-def _is_trusted(user: int) -> bool:
-    """Root can read and change everything of this user anyway."""
-    return user in (os.geteuid(), 0)
-
-
 def _name(user: int) -> str:
-    with suppress(KeyError):
-        return f"the user {pwd.getpwuid(user).pw_name}"
-    return f"user number {user}"
+    name = user_name(user)
+    return f"user number {user}" if name is None else f"the user {name}"
 
 
 def _advice(user: int) -> str:

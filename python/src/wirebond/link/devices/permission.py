@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import stat
+import sys
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -41,6 +42,8 @@ class Permission:
 
 def current_user() -> User:
     """The user of this process."""
+    if sys.platform == "win32":
+        return User(-1, frozenset(), os.environ.get("USERNAME", ""))
     return User(os.getuid(), frozenset({os.getgid(), *os.getgroups()}), os.environ.get("USER", ""))
 
 
@@ -116,8 +119,8 @@ def _user_names(root: Path) -> dict[int, str]:
 
 def _system_group(root: Path, gid: int) -> str:
     """A group that a directory service knows, or its number."""
-    if root == Path("/"):
-        import grp  # noqa: PLC0415 seldom needed, and not there on every system
+    if root == Path("/") and sys.platform != "win32":
+        import grp  # noqa: PLC0415 seldom needed, and Windows has none
 
         with contextlib.suppress(KeyError):
             return grp.getgrgid(gid).gr_name

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -90,9 +91,20 @@ def port_name(port: str | os.PathLike[str]) -> PortName:
 
 
 _SERVERS = ("tcp", "rfc2217")
+
+
+def is_com_port(text: str) -> bool:
+    """Return whether this is a name such as ``COM3``, on Windows.
+
+    :param text: a name, or a path.
+    """
+    return sys.platform == "win32" and _COM.fullmatch(text) is not None
+
+
+_COM = re.compile(r"com[0-9]+:?", re.IGNORECASE)
 _FOREIGN = {
-    re.compile(r"com[0-9]+:?", re.IGNORECASE): "is a port of Windows; Wirebond runs on Linux, where a USB adapter is "
-    "/dev/ttyUSB0 or /dev/ttyACM0; `wirebond ports` lists them",
+    _COM: "is a port of Windows, and this is another system; on Linux a USB adapter is /dev/ttyUSB0 or /dev/ttyACM0, "
+    "and `wirebond ports` lists them; on macOS it is /dev/cu.usbserial-… or /dev/cu.usbmodem…",
     re.compile(r"sim(ulat(or|ion))?", re.IGNORECASE): "is no port; `sim:`, with a colon, is a simulated device at the "
     "other end",
     re.compile(r"(v|vx|sl)?can[0-9]+", re.IGNORECASE): "is an interface of CAN, and Wirebond needs a serial port, such "
@@ -103,7 +115,7 @@ _FOREIGN = {
 def _refuse_foreign(text: str) -> None:
     """:raises UsageError: it is called as what is no serial port here, and at most a folder is called so."""
     for pattern, what in _FOREIGN.items():
-        if pattern.fullmatch(text) and (Path(text).is_dir() or not os.path.lexists(text)):
+        if not is_com_port(text) and pattern.fullmatch(text) and (Path(text).is_dir() or not os.path.lexists(text)):
             raise UsageError(f"{text} {what}")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import stat
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,7 +38,7 @@ class PtyNumber:
 
         :raises OSError: the path cannot be opened.
         """
-        if self._before is None:
+        if self._before is None or sys.platform == "win32":
             yield
             return
         kept = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
@@ -67,8 +68,8 @@ def sentence(path: str) -> str:
 
 
 def _look(path: str) -> _Seen | None:
-    """None: the path is no pty."""
-    if os.name == "nt":
+    """None: the path is no pty, or the numbers of ptys are not known: those of macOS are others."""
+    if sys.platform != "linux":
         return None
     try:
         name, device = Path(path).lstat(), Path(path).stat()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import mmap
+import sys
 from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -14,7 +15,11 @@ ROWS = 1 << 16  # of a whole chunk
 BLOCK = 1 << 8  # rows whose least and greatest value a whole chunk knows
 _FIRST_ROWS = 1 << 8
 _MAPPED = 1 << 17  # bytes from which on memory is mapped
-_PRIVATE = {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS} if hasattr(mmap, "MAP_PRIVATE") else {}  # not on Windows
+_PRIVATE: dict[str, Any]
+if sys.platform == "win32":
+    _PRIVATE = {}
+else:
+    _PRIVATE = {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS}
 OF_ARRAY = 256  # bytes that Python and numpy take for an array beside its values
 Array = NDArray[Any]
 
