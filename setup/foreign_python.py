@@ -3,8 +3,7 @@
 The extension keeps to the stable interface of CPython 3.12, so three things are enough:
 
 - Headers: those of a CPython 3.12 or newer of this computer, with `setup/foreign/pyconfig.h` in the place of their own.
-- For Windows the import library of `python3.dll`, made from the names of the stable interface. A name that is no part of
-  it does not link.
+- For Windows the import library of `python3.dll`, made from the names of the stable interface: no other name links.
 - For macOS nothing more: the interpreter that loads the extension has the names.
 """
 
