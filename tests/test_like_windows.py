@@ -39,9 +39,9 @@ SAME = (
 NOT_THERE = {
     ("sim", FILE): "needs a pty, and Windows has none; run it on Linux, or on this computer in WSL",
     ("monitor", FILE, "sim:"): "needs a pty, and Windows has none",
-    ("wire", "a", "b"): "is a program for Linux and macOS alone; run it there, or on this computer in WSL",
-    ("demo",): "the rover is a program for Linux and macOS alone",
-    ("soak", "--minutes", "0.01"): "is a program for Linux and macOS alone",
+    ("wire", "a", "b"): "is a program for Linux alone; run it there, or on Windows in WSL",
+    ("demo",): "the rover is a program for Linux alone",
+    ("soak", "--minutes", "0.01"): "is a program for Linux alone",
     ("serve", FILE, "COM3"): "no Unix sockets, so servers have no names here; use TCP: `wirebond serve FILE PORT --tcp",
     ("serve", FILE, "COM3", "--tcp", "127.0.0.1:0", "--ros2"): "ROS 2",
     ("monitor", FILE, "wirebond://diffdrive"): "no Unix sockets, so servers have no names here; use TCP",

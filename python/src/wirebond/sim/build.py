@@ -58,13 +58,11 @@ def compile_once(program: Program, folder: Path) -> Path:
 
     The compiler is ``$CXX``, with ``$CXXFLAGS``.
 
-    :raises UsageError: there is no C++ compiler, or this is Windows.
+    :raises UsageError: there is no C++ compiler, or this is not Linux.
     :raises WirebondError: it fails.
     """
-    if sys.platform == "win32":
-        raise UsageError(
-            f"{program.what} is a program for Linux and macOS alone; run it there, or on this computer in WSL"
-        )
+    if sys.platform != "linux":
+        raise UsageError(f"{program.what} is a program for Linux alone; run it there, or on Windows in WSL")
     sources = sorted(path for base in (*program.includes, program.main.parent) for path in base.rglob("*.[ch]pp"))
     compiler = [*shlex.split(os.environ.get("CXX", "c++")), *shlex.split(os.environ.get("CXXFLAGS", ""))]
     digest = hashlib.sha256(" ".join([*compiler, *_FLAGS]).encode())

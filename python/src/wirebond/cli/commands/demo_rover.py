@@ -14,8 +14,8 @@ def rover_program() -> Path:
     """The compiled rover. Compiling takes seconds, so the terminal says it.
 
     :raises WirebondError: there is no C++ compiler, or it fails.
-    :raises UsageError: this is Windows.
+    :raises UsageError: this is not Linux.
     """
-    if shipped(rover.NAME) is None and sys.platform != "win32":
+    if shipped(rover.NAME) is None and sys.platform == "linux":
         console.print("building the rover's firmware for this machine …", style="dim")
     return rover.build()
