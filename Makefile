@@ -58,12 +58,12 @@ wheel: build/requirements.stamp build/page.stamp ## the Python package for this 
 	@ls build/wheel/*.whl
 
 .PHONY: wheels
-wheels: build/setup.stamp build/requirements-dev.stamp build/page.stamp build/wasm.stamp ## Python packages for x86-64 and 64-bit ARM, in build/wheels (ARGS="--only x86_64")
+wheels: build/setup.stamp build/requirements-dev.stamp build/page.stamp build/wasm.stamp ## Python packages for Linux, Windows and macOS, in build/wheels (ARGS="--only x86_64")
 	@$(PYTHON) setup/wheels.py $(ARGS)
 
 .PHONY: lint
 lint: build/setup-test.stamp ## format, linters, strict types, dependency rules
-	@$(VENV)/bin/ruff format --check --quiet python ros2 tests bench setup setup
+	@$(VENV)/bin/ruff format --check --quiet python ros2 tests bench setup
 	@$(VENV)/bin/ruff check --quiet python ros2 tests bench setup
 	@clang-format-14 --dry-run --Werror $(CPP_SOURCES)
 	@$(VENV)/bin/mypy

@@ -2,8 +2,9 @@
 
     .venv/bin/python setup/wheels.py [--only NAME] [--python PATH] [--out FOLDER]
 
-One wheel is for Python 3.11, one for 3.12 and all later versions (the stable interface of CPython). Each is built by a
-Python of that version on this computer, also where it is for another kind of computer.
+For Linux one wheel is for Python 3.11, one for 3.12 and all later versions (the stable interface of CPython); for
+Windows and macOS there is only the latter. Each is built by a Python of that version on this computer, also where it is
+for another kind of computer.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+
+from foreign_python import FOREIGN_TARGETS, ForeignTarget, foreign_python
 
 from wirebond.paths import PAGE
 from wirebond.sim import rover
@@ -60,8 +63,13 @@ class Interpreter:
     minor: int
 
     @property
+    def is_stable(self) -> bool:
+        """Its wheel is for all later versions, too."""
+        return self.minor > 11
+
+    @property
     def tag(self) -> str:
-        return "cp311" if self.minor == 11 else "cp312-abi3"
+        return "cp312-abi3" if self.is_stable else "cp311"
 
 
 def interpreters(named: list[str]) -> list[Interpreter]:
@@ -143,27 +151,32 @@ def environment(interpreter: Interpreter, folder: Path) -> Path:
     return python
 
 
-def build(target: Target, interpreter: Interpreter, work: Path, out: Path) -> Path:
-    """One wheel; its path."""
-    place = work / target.name
-    made = work / f"{target.name}-{interpreter.tag}"
+def pip_wheel(name: str, interpreter: Interpreter, work: Path, settings: dict[str, str]) -> Path:
+    """One wheel, as the build makes it; `settings` are for its environment."""
+    made = work / f"{name}-{interpreter.tag}"
     shutil.rmtree(made, ignore_errors=True)
     python = environment(interpreter, work / f"python-3.{interpreter.minor}")
-    abi = "abi3" if interpreter.minor > 11 else f"cpython-311-{target.processor}-linux-gnu"
+    command = [python, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--no-build-isolation"]
+    command += ["--no-deps", f"--config-settings=build-dir={made / 'build'}", "--wheel-dir", made, ROOT]
+    if interpreter.is_stable:
+        command.append("--config-settings=wheel.py-api=cp312")
+    if subprocess.run(command, env={**os.environ, **settings}, check=False).returncode != 0:
+        sys.exit(f"the wheel for {name}, {interpreter.tag} cannot be built; the reason is above")
+    (wheel,) = made.glob("*.whl")
+    return wheel
+
+
+def build(target: Target, interpreter: Interpreter, work: Path, out: Path) -> Path:
+    """One wheel for Linux; its path."""
+    place = work / target.name
+    abi = "abi3" if interpreter.is_stable else f"cpython-311-{target.processor}-linux-gnu"
     settings = {
-        "CMAKE_TOOLCHAIN_FILE": toolchain(target, place / "compiler"),
+        "CMAKE_TOOLCHAIN_FILE": str(toolchain(target, place / "compiler")),
         "CMAKE_ARGS": f"-DWIREBOND_PROGRAMS={programs(target, place / 'programs')}",
         "_PYTHON_HOST_PLATFORM": target.python_platform,
         "SETUPTOOLS_EXT_SUFFIX": f".{abi}.so",
     }
-    command = [python, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--no-build-isolation"]
-    command += ["--no-deps", f"--config-settings=build-dir={made / 'build'}", "--wheel-dir", made, ROOT]
-    if interpreter.minor > 11:
-        command.append("--config-settings=wheel.py-api=cp312")
-    environ = {**os.environ, **{name: str(value) for name, value in settings.items()}}
-    if subprocess.run(command, env=environ, check=False).returncode != 0:
-        sys.exit(f"the wheel for {target.name}, {interpreter.tag} cannot be built; the reason is above")
-    (wheel,) = made.glob("*.whl")
+    wheel = pip_wheel(target.name, interpreter, work, settings)
     # Names the oldest C library that it works with, and refuses a wheel that needs any other library.
     audit = [sys.executable, "-m", "auditwheel", "repair", "--wheel-dir", out, wheel]
     before = set(out.glob("*.whl"))
@@ -171,14 +184,32 @@ def build(target: Target, interpreter: Interpreter, work: Path, out: Path) -> Pa
     if audited.returncode != 0:
         sys.exit(f"auditwheel refuses {wheel.name}:\n{audited.stdout}{audited.stderr}")
     (final,) = set(out.glob("*.whl")) - before
-    if interpreter.minor > 11:
-        subprocess.run([sys.executable, "-m", "abi3audit", "--strict", "--summary", final], check=True)
+    if interpreter.is_stable:
+        audit_interface(final)
     return final
+
+
+def build_foreign(target: ForeignTarget, interpreter: Interpreter, work: Path, out: Path) -> Path:
+    """One wheel for Windows or macOS; its path. It has no programs: those of the simulator are for Linux."""
+    ask = [interpreter.path, "-c", "import sysconfig; print(sysconfig.get_path('include'))"]
+    headers = Path(subprocess.run(ask, capture_output=True, text=True, check=True).stdout.strip())
+    python = foreign_python(target, headers, work / target.name)
+    settings = {"CMAKE_ARGS": " ".join(python.arguments), **python.environment}
+    wheel = pip_wheel(target.name, interpreter, work, settings)
+    final = Path(shutil.copy(wheel, out))
+    audit_interface(final)
+    return final
+
+
+def audit_interface(wheel: Path) -> None:
+    """End if the wheel uses more of Python than the stable interface."""
+    subprocess.run([sys.executable, "-m", "abi3audit", "--strict", "--summary", wheel], check=True)
 
 
 def main() -> None:
     about = argparse.ArgumentParser(description="Builds the package's wheels.")
-    about.add_argument("--only", choices=[target.name for target in TARGETS], help="one kind of computer")
+    names = [target.name for target in (*TARGETS, *FOREIGN_TARGETS)]
+    about.add_argument("--only", choices=names, help="one kind of computer")
     about.add_argument("--python", action="append", default=[], help="a Python that builds; may be repeated")
     about.add_argument("--out", type=Path, default=ROOT / "build" / "wheels", help="the folder for the wheels")
     options = about.parse_args()
@@ -188,17 +219,20 @@ def main() -> None:
     out: Path = options.out.resolve()
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)
-    jobs = [
-        (target, interpreter)
-        for target in TARGETS
-        if options.only in (None, target.name)
-        for interpreter in interpreters(options.python)
+    found = interpreters(options.python)
+    jobs = [(build, target, interpreter) for target in TARGETS for interpreter in found]
+    jobs += [
+        (build_foreign, target, interpreter)
+        for target in FOREIGN_TARGETS
+        for interpreter in found
+        if interpreter.is_stable
     ]
-    for number, (target, interpreter) in enumerate(jobs, 1):
+    jobs = [job for job in jobs if options.only in (None, job[1].name)]
+    for number, (make, target, interpreter) in enumerate(jobs, 1):
         print(f"[{number}/{len(jobs)}] {target.name}, {interpreter.tag}", flush=True)
-        wheel = build(target, interpreter, work, out)
+        wheel = make(target, interpreter, work, out)
         print(f"      {wheel.name}, {wheel.stat().st_size / 1e6:.1f} MB", flush=True)
-    made = {interpreter.minor > 11 for _, interpreter in jobs}
+    made = {interpreter.is_stable for interpreter in found}
     if made != {False, True}:
         missing = "3.12 or newer" if True not in made else "3.11"
         print(f"There is no Python {missing} here, so there is no wheel for it; give the path of one to --python.")
