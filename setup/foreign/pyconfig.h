@@ -1,5 +1,5 @@
-/* Stands in for CPython's own pyconfig.h of Windows and of macOS: what the stable interface (Py_LIMITED_API) reads of it.
-   The compiler for each of them knows the sizes. setup/foreign_python.py puts it beside the other headers. */
+/* Stands in for CPython's own pyconfig.h of Windows and of macOS: what the stable interface (Py_LIMITED_API) reads of
+   it. The compiler for each of them knows the sizes. setup/foreign_python.py puts it beside the other headers. */
 #ifndef Py_PYCONFIG_H
 #define Py_PYCONFIG_H
 
