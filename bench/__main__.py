@@ -31,6 +31,7 @@ from bench import (
     m4_runtime,
     mcu_line,
     page_decode,
+    page_frames,
     python_round_trip,
     reconnect,
     recordings,
@@ -75,6 +76,7 @@ BENCHMARKS: dict[str, tuple[str, Callable[[], list[Figure]]]] = {
         "From bytes to values in JavaScript, by the engine in WebAssembly (enterprize)",
         page_decode.measure,
     ),
+    "page_frames": ("A page without a server: small, soon there, smooth", page_frames.measure),
     "reconnect": ("From a device's appearance to its first message, under load", reconnect.measure),
     "recordings": ("From a recording of 10 million messages to columns; 90 minutes of the rover", recordings.measure),
     "ros2": ("What the bridge to ROS 2 costs at 8 000 messages a second each way (enterprize)", ros2.measure),
@@ -92,6 +94,7 @@ LIMIT = 75.0  # seconds for each benchmark, except:
 LIMITS = {
     "console_page": 150.0,
     "loaded_round_trip": 300.0,
+    "page_frames": 240.0,
     "reconnect": 180.0,
     "ros2": 180.0,
     "serve": 180.0,

@@ -71,13 +71,19 @@ class Bench(Tuning):
     link: wirebond.Link
 
 
-@contextmanager
-def bench(name: str, protocol: str, folder: Path, browser: Browser) -> Iterator[Bench]:
+def compiled(name: str, protocol: str, folder: Path) -> Path:
+    """The firmware of this name for this computer."""
     generate_cpp(wirebond.load(PROTOCOLS / f"{protocol}.yaml").model, folder)
     includes = [folder, FIRMWARE, FIRMWARE / name, ROOT / "ports" / "posix" / "include"]
     source, program = FIRMWARE / name / "host" / "main.cpp", folder / name
     command = ["g++", "-std=c++17", "-O0", "-pthread", *(f"-I{one}" for one in includes), str(source), "-o"]
     subprocess.run([*command, str(program)], check=True)
+    return program
+
+
+@contextmanager
+def bench(name: str, protocol: str, folder: Path, browser: Browser) -> Iterator[Bench]:
+    program = compiled(name, protocol, folder)
     with (
         FirmwareProcess(program, name) as process,
         shown(process.port, protocol, folder, browser) as (link, page),

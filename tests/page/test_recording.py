@@ -23,7 +23,7 @@ import wirebond
 from tests.page.conftest import DIFFDRIVE, Rover, Seat, seat_of
 from tests.shared import few_or_many
 from tests.streams import damaged, random_values
-from tests.waiting import wait_until
+from tests.waiting import let_pass, wait_until
 from wirebond.protocol.model import End
 from wirebond.recording.recording import Recording
 from wirebond.sim.pty_port import PtyPort
@@ -151,3 +151,27 @@ def test_a_recording_is_opened_again_and_read_by_wirebond(rover: Rover, tmp_path
     expect(row).to_contain_text(sent[-1].raw.hex(" ").upper())
     page.reload()  # the browser keeps it
     expect(page.get_by_role("row").filter(has_text="velocity")).to_contain_text(sent[-1].raw.hex(" ").upper())
+
+
+@pytest.mark.long
+def test_ten_minutes_are_recorded_and_opened_again(rover: Rover, tmp_path: Path) -> None:
+    page = rover.seat.connected("recordings", is_patient=False)
+    page.get_by_role("button", name="Record", exact=True).click()
+    expect(page.get_by_role("button", name="Stop recording")).to_be_visible()
+    let_pass(600)
+    page.get_by_role("button", name="Stop recording").click()
+    name = page.locator("tbody tr td").first
+    expect(name).to_have_text(re.compile(r"\.mcap$"))
+    with page.expect_download() as found:
+        page.get_by_role("button", name="MCAP").click()
+    path = tmp_path / "run.mcap"
+    found.value.save_as(path)
+    recording = Recording(path)
+    expected = [message for message in recording.messages("mcu") if message.name == "odometry"]
+    assert expected[-1].t - expected[0].t > 590
+    rows = downloaded(page, f"CSV: {name.inner_text()}", "odometry", tmp_path / "odometry.csv")
+    assert len(rows) == len(expected)
+    page.get_by_role("button", name="Open", exact=True).click()
+    page.locator("nav").get_by_text("Messages", exact=True).click()
+    row = page.get_by_role("row").filter(has_text="odometry")
+    expect(row).to_contain_text(expected[-1].raw.hex(" ").upper())
