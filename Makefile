@@ -61,6 +61,11 @@ wheel: build/requirements.stamp build/page.stamp ## the Python package for this 
 wheels: build/setup.stamp build/requirements-dev.stamp build/page.stamp build/wasm.stamp ## Python packages for Linux, Windows and macOS, in build/wheels (ARGS="--only x86_64")
 	@$(PYTHON) setup/wheels.py $(ARGS)
 
+.PHONY: docs
+docs: build/docs.stamp build/page-packages.stamp ## the documentation as a site, in build/site: open index.html there
+	@NO_MKDOCS_2_WARNING=1 build/docs/bin/mkdocs build --quiet --strict
+	@echo "build/site/index.html"
+
 .PHONY: lint
 lint: build/setup-test.stamp ## format, linters, strict types, dependency rules
 	@$(VENV)/bin/ruff format --check --quiet python ros2 tests bench setup
@@ -104,6 +109,13 @@ build/requirements-dev.stamp: requirements-dev.txt build/requirements.stamp
 build/setup.stamp: build/requirements.stamp $(NATIVE)
 	@echo "Building the engine"
 	@$(PYTHON) -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@touch $@
+
+# The site's generator has a Python environment of its own: nothing else needs it.
+build/docs.stamp: requirements-docs.txt | $(VENV)/bin/python
+	@echo "Installing the site's generator into build/docs"
+	@mkdir -p build && $(PYTHON) -m venv build/docs
+	@build/docs/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-docs.txt
 	@touch $@
 
 # Without Node neither stamp is made, and nothing fails: setup/page.sh says what is missing.

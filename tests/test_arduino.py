@@ -84,3 +84,20 @@ def test_the_sketch_of_the_page_builds_and_runs(board: str, library: Path, tmp_p
     if runs:
         said = subprocess.run([tmp_path / "rover"], capture_output=True, text=True, check=True).stdout
         assert said == f"200 frames, {40 * 11} bytes left\n"
+
+
+def test_the_sketch_for_beginners_builds(tmp_path: Path) -> None:
+    page = (ROOT / "docs" / "start-arduino.md").read_text(encoding="utf-8")
+    file, text = (
+        next(iter(re.findall(rf"^```{language}\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)))
+        for language in ("yaml", "cpp sketch")
+    )
+    (tmp_path / "greenhouse.yaml").write_text(file, encoding="utf-8")
+    (tmp_path / "greenhouse.cpp").write_text(text, encoding="utf-8")
+    assert (
+        wirebond(["gen", str(tmp_path / "greenhouse.yaml"), "--port", "arduino", "--out", str(tmp_path / "lib")]) == 0
+    )
+    command = ["g++", "-std=gnu++17", "-Wall", "-Wextra", "-Werror", "-DARDUINO_ARCH_RP2040", "-fsyntax-only"]
+    command += [f"-I{tmp_path / 'lib'}", f"-I{ROOT / 'ports' / 'arduino' / 'tests'}", str(tmp_path / "greenhouse.cpp")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

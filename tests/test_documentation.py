@@ -54,7 +54,7 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").g
 LINKED = [*PAGES, ROOT / "CHANGELOG.md", ROOT / "firmware" / "README.md"]
 PORT = "/dev/ttyUSB0"
 DIFFDRIVE = load(ROOT / "protocols" / "diffdrive.yaml")
-# `c client`: compiled and run by tests/server.
+# `c client`: compiled and run by tests/server. `cpp sketch`: compiled by tests/test_arduino.py.
 LANGUAGES = {
     "yaml",
     "yaml wrong",
@@ -65,6 +65,7 @@ LANGUAGES = {
     "cpp",
     "c",
     "c client",
+    "cpp sketch",
     "output",
     "cmake",
     "makefile",

@@ -63,6 +63,11 @@ class HardwareSerial : public Stream {
   int room = 32;
   std::deque<uint8_t> come, gone;
 };
-extern HardwareSerial Serial1;
+extern HardwareSerial Serial, Serial1;
+
+constexpr uint8_t LOW = 0, HIGH = 1, OUTPUT = 1, A0 = 14, A1 = 15;
+void pinMode(uint8_t pin, uint8_t mode);
+void digitalWrite(uint8_t pin, uint8_t level);
+int analogRead(uint8_t pin);
 
 #endif
