@@ -9,7 +9,7 @@ from wirebond.codec import Stats
 
 @dataclass(frozen=True)
 class SendStats:
-    """What became of every frame. Exact at any time:
+    """Count the frames of each outcome. Exact at any time:
 
     ``offered == accepted + refused_down + refused_full + refused_stopped``
     ``accepted == sent + queued + replaced + expired + overruled + aborted``

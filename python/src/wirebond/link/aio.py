@@ -30,7 +30,8 @@ _CLOSE_PATIENCE = 1.0  # seconds for coroutines that handle what came before the
 
 
 class Aio:
-    """What waits of a link, for one event loop. ``link.aio`` gives it; use it in that loop's thread alone.
+    """Coroutines for everything in a link that waits, for one event loop. Get it from ``link.aio``; use it only in the
+    loop's thread.
 
     ``async for message in link.aio`` gives messages as ``for message in link`` does; ``async with link.aio`` closes the
     link at its end. A task that is cancelled while it waits loses no message.

@@ -1,4 +1,4 @@
-"""What a link received in a stretch of time, in words: for a request whose reply did not come. No link, no clock."""
+"""Describes what a link received in a period, for a request without a reply. No link, no clock."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Arrivals:
 
     @property
     def has_frames(self) -> bool:
-        """Whether any frame was intact."""
+        """Return whether any intact frame arrived."""
         return bool(self.messages or self.unknown or self.foreign)
 
     @property

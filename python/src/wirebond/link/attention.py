@@ -1,4 +1,4 @@
-"""Who waits for what comes on a link that Python drives: as the engine's ``Link`` has it, with conditions of Python."""
+"""Waiting for events of a link that Python drives: as in the engine's ``Link``, with conditions of Python."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Attention:
         self._wait_for(self._has_news, timeout)
 
     def attend(self, timeout: float) -> None:
-        """The same for the one thread that takes what comes whenever it has nothing else to do."""
+        """Do the same for the one thread that takes whatever comes when it has nothing else to do."""
         with self._arrived:
             self._is_attended = True
             try:

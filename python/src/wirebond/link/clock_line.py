@@ -21,7 +21,7 @@ class HostTime(NamedTuple):
 
 @dataclass(frozen=True)
 class Sample:
-    """What an exchange told."""
+    """The result of one exchange."""
 
     mcu: float  # seconds, in the middle between its two times; counted on when it wraps
     host: float  # in the middle of what is possible
@@ -44,7 +44,7 @@ class Segment:
         return self.host + (mcu - self.mcu) * self.slope
 
     def left(self, mcu: float) -> float:
-        """What is left of the way to it."""
+        """Return the remaining offset."""
         return self.behind * min(max(1.0 - (mcu - self.start) / self.slew, 0.0), 1.0)
 
     def at(self, mcu: float) -> float:

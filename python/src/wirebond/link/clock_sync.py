@@ -33,7 +33,7 @@ _SEGMENTS = 64  # of the answer that are remembered, for stamps that come late
 
 
 class Verdict(Enum):
-    """What became of an exchange."""
+    """The outcome of one exchange."""
 
     USED = "used"  #: it is one of the best
     OUTLIER = "outlier"  #: its round trip is too long, beside others; or it contradicts them
@@ -43,7 +43,7 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class ClockReading:
-    """What is known of the MCU's clock.
+    """The state of the MCU's clock, as far as it is known.
 
     :ivar offset: seconds to add to the MCU's clock for the host's time, at the last exchange. A clock that wraps
         is counted on.
@@ -93,7 +93,7 @@ class ClockSync:
 
     @property
     def line(self) -> ClockLine | None:
-        """What is known now; None: nothing yet."""
+        """Return the current relation of the clocks, or None."""
         if self._line is None and self._segments:
             self._line = ClockLine(
                 self._modulus,
@@ -162,7 +162,7 @@ class ClockSync:
         return line.at(mcu)
 
     def reading(self) -> ClockReading | None:
-        """What is known; None: nothing yet."""
+        """Return the current state of the clock, or None."""
         line = self.line
         if line is None:
             return None
@@ -244,7 +244,7 @@ class ClockSync:
         return mcu, mcu + away, 1.0 + tilt
 
     def _bound_drift(self, mcu: float, host: float, slope: float) -> float:
-        """How wrong the slope may be: what the exchange that tells most at each end of the window allows."""
+        """Return the maximum error of the slope, by the best exchange at each end of the window."""
         middle = (self._best[0].mcu + self._best[-1].mcu) / 2
         early = [s for s in self._best if s.mcu < middle]
         late = [s for s in self._best if s.mcu >= middle]

@@ -66,7 +66,7 @@ class CommonPort:
 
 
 def opener_of(port: CommonPort, codec: Codec, settings: LineSettings, root: Path) -> PortOpener:
-    """What one link opens a common port with, again and again. Any thread.
+    """Return the opener by which one link opens a common port, each time it does. Any thread.
 
     :param codec: the link's protocol.
     :param settings: of the line, as the link needs them.
@@ -78,7 +78,7 @@ def opener_of(port: CommonPort, codec: Codec, settings: LineSettings, root: Path
 
 
 class _Line:
-    """What the links of a common port have in common."""
+    """The state that the links of a common port share."""
 
     def __init__(self, name: PortName, baud: int | None) -> None:
         self.name = name

@@ -48,7 +48,7 @@ class Piece:
 
 
 class Dump:
-    """What ``Link.dump`` gives: a copy, which does not change.
+    """A copy of the last bytes of a link, from ``Link.dump``. It does not change.
 
     :ivar codec: the link's protocol.
     :ivar t: when it was taken, in seconds on the clock of ``time.monotonic()``.
@@ -75,7 +75,7 @@ class Dump:
         self.dropped_bytes = dropped_bytes
 
     def with_pieces(self, pieces: Sequence[Piece], dropped_bytes: int) -> Dump:
-        """The same link with other bytes.
+        """Return the same link with other bytes.
 
         :param pieces: reads and writes in their order, as in ``pieces``.
         :param dropped_bytes: older bytes that are not in ``pieces``.
@@ -111,7 +111,7 @@ class Dump:
         return sorted(found, key=lambda entry: entry.t)
 
     def _sessions(self) -> Iterator[list[Piece]]:
-        """What came and went between two losses of the port: no frame goes on behind one."""
+        """Yield the pieces between two losses of the port: no frame continues after a loss."""
         session: list[Piece] = []
         for piece in self.pieces:
             session.append(piece)

@@ -1,4 +1,4 @@
-"""What follows from the end that a link plays: its peer, its deadlines, its addresses. Values only."""
+"""Facts that follow from the end that a link plays: its peer, its deadlines, its addresses. Values only."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def other(end: End) -> End:
 
 
 def actions_at(codec: Codec, end: End) -> list[str]:
-    """What the deadlines at this end do, as the engine numbers them."""
+    """Return the actions of the deadlines at this end, in the engine's order."""
     return list(dict.fromkeys(d.then for d in codec.model.deadlines if d.at == end))
 
 

@@ -1,4 +1,5 @@
-"""What a link tells the engine when it opens, as the engine reads it: `link_setup` in engine/src/link_setup.cpp."""
+"""The settings that a link gives to the engine when it opens, as `link_setup` in engine/src/link_setup.cpp reads
+them."""
 
 from __future__ import annotations
 
@@ -44,7 +45,7 @@ class EnginePeerStop(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EngineAddressing:
-    """Which received frames are foreign: `HostAddressing::Rules`."""
+    """The rules for foreign frames: `HostAddressing::Rules`."""
 
     receiver_place: int  # of the header field that says for whom a frame is; -1: none
     sender_place: int  # of the one that says who answers; -1: none

@@ -122,7 +122,7 @@ class FrameMaker:
 
     @property
     def own_address(self) -> int | str | None:
-        """Of this end; None: it has none."""
+        """Return the address of this end, or None."""
         if self._address_field is None:
             return None
         return self._address_field[1] if self._own_address is None else self._own_address

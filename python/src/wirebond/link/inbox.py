@@ -1,4 +1,4 @@
-"""Where each received message goes: to its handlers, to the request that it answers, or to who takes messages.
+"""Routes each received message: to its handlers, to the request that it answers, or to a program that takes messages.
 
 Until handlers, requests or coroutines are used, whoever takes messages gets them from the engine itself. From then on a
 thread of the link does so for all. It runs nothing of the program: neither handlers nor signals. Where there are
@@ -123,7 +123,7 @@ class Inbox:
                 return False
 
     def look(self) -> None:
-        """Where messages wait to be taken, get what has come since then, so that ``take_rest`` gives it, too."""
+        """Fetch new messages if messages wait to be taken, so that ``take_rest`` returns them, too."""
         if self._given_back or not self._queue.empty():
             self._pull(0.0)
 
@@ -234,7 +234,7 @@ class Inbox:
 
     @property
     def dropped(self) -> int:
-        """How many messages were dropped because they were not taken in time."""
+        """Return how many messages were dropped because they were not taken in time."""
         return self._dropped + self.handlers.dropped
 
     def struck(self) -> set[str]:
@@ -361,7 +361,8 @@ class Inbox:
         return has_come
 
     def _route_together(self) -> None:
-        """Where all that arrived goes to one place, move it in a few calls of C. Else it is looked at one by one."""
+        """Move all new messages in a few calls of C if they all go to the same place. Otherwise route them one by
+        one."""
         count = len(self._arrived)
         if count == 0 or self._changed or self._relay is not None or self._sender is not None:
             return

@@ -1,5 +1,4 @@
-"""What a serial port's driver made of the settings of a link when it opened the port. Values and sentences; opens
-nothing."""
+"""The settings that the driver of a serial port really uses for a link. Values and sentences; opens nothing."""
 
 from __future__ import annotations
 
@@ -10,7 +9,7 @@ from typing import Any
 
 
 class LowLatency(StrEnum):
-    """What the driver said to the low-latency flag, by which it hands bytes over as they come."""
+    """The driver's answer to the low-latency flag, with which it delivers bytes as they arrive."""
 
     ACCEPTED = "accepted"
     REFUSED = "refused"  #: it refuses the flag, or does not keep it
@@ -26,7 +25,7 @@ _SAID = {
 
 @dataclass(frozen=True)
 class LatencyTimer:
-    """How long an FTDI adapter holds received bytes back.
+    """The latency timer of an FTDI adapter: how long it holds received bytes back.
 
     :ivar before_ms: milliseconds, before the link opened the port.
     :ivar now_ms: behind that; the link sets 1.
@@ -47,7 +46,7 @@ class LatencyTimer:
 
 @dataclass(frozen=True)
 class Line:
-    """What the driver of a serial port made of the settings of a link. As ``str`` it is one line for a person.
+    """The settings that the driver of a serial port really uses for a link. As ``str`` it is one line for a person.
 
     :ivar baud: bits per second that the driver really uses, as far as it says so.
     :ivar asked_baud: bits per second that the link asked for.
@@ -95,7 +94,7 @@ class Line:
 
 
 def line_from(raw: dict[str, Any]) -> Line:
-    """Of what the engine says."""
+    """Return it for the values from the engine."""
     timer = raw.pop("latency_timer", None)
     found = None if timer is None else latency_timer(*timer)
     return Line(**{**raw, "low_latency": LowLatency(raw["low_latency"])}, latency_timer=found)

@@ -279,8 +279,8 @@ class Link(Receiving):
 
     @property
     def control(self) -> Control:
-        """Who may send what moves the robot: messages with ``every``, with a deadline at the MCU, or of the emergency
-        stop. A link of one's own is always in control. Any thread."""
+        """Who may command motion: messages with ``every``, with a deadline at the MCU, or of the emergency stop. A link
+        with its own port is always in control. Any thread."""
         return self._owner.control()
 
     def take_control(self, *, over: bool | str = False) -> None:
@@ -350,16 +350,16 @@ class Link(Receiving):
 
     @property
     def line(self) -> Line | None:
-        """What the driver of the serial port made of the link's settings when it was opened last: the baud rate that it
-        really runs at, the shape of a byte, exclusive use, low latency, an FTDI adapter's latency timer. None: the port
-        was never open, or is no serial port. Any thread."""
+        """The settings that the driver of the serial port used when it was opened last: the real baud rate, the shape
+        of a byte, exclusive use, low latency, the latency timer of an FTDI adapter. None: the port was never open, or
+        is no serial port. Any thread."""
         raw = self._engine.line()
         return None if raw is None else line_from(raw)
 
     @property
     def peer(self) -> Peer:
-        """What is known of the file that the MCU was built from: ``unknown``, ``same`` or ``different``. The link says
-        hello each time that the port is opened, and when the MCU restarts; the MCU answers. Any thread."""
+        """Whether the MCU was built from the same file: ``unknown``, ``same`` or ``different``. The link says hello
+        each time the port is opened, and when the MCU restarts; the MCU answers. Any thread."""
         return self._services.peer
 
     @property
@@ -414,7 +414,7 @@ class Link(Receiving):
         return LinkStats(stats_from(raw), send, dropped, **rest, handler_errors=self._inbox.handlers.errors)
 
     def rates(self, window: float = DEFAULT_WINDOW) -> Rates:
-        """How fast the link was of late: rates by message against their schedule, losses, use of the line. Any thread.
+        """Return the recent rates by message against their schedule, losses, and use of the line. Any thread.
 
         It compares the account with an earlier look at it; each call is a look, and so is the opening of the link. The
         newest look that lies at least ``window`` seconds back is taken, or the oldest. ``Rates.seconds`` says how long
@@ -444,7 +444,7 @@ class Link(Receiving):
 
     @property
     def other_protocols(self) -> list[Codec]:
-        """Of the other links on a `CommonPort`: their frames are discarded bytes here. Any thread."""
+        """The protocols of the other links on a `CommonPort`: their frames are discarded bytes here. Any thread."""
         return self._owner.other_protocols()
 
     def tap(self, capacity: int = TAP_BYTES) -> Tap:

@@ -69,16 +69,17 @@ class Listener:
 
     @property
     def shared(self) -> SharedStats | None:
-        """Of one port that hears both ends: where its bytes went. None: each end has its port."""
+        """The account of bytes of one port that hears both ends. None: each end has its own port."""
         return None if self._shared is None else self._shared.line.stats
 
     @property
     def untold(self) -> list[str]:
-        """Of one port that hears both ends: which messages nothing tells apart, a sentence each."""
+        """Messages that one port for both ends cannot distinguish, a sentence for each."""
         return [] if self._shared is None else list(self._shared.line.untold)
 
     def receive(self, timeout: float = 0.0) -> list[Heard]:
-        """What came since the last call, waiting up to ``timeout`` seconds for the first. Signals are heard meanwhile.
+        """Return the messages since the last call, and wait up to ``timeout`` seconds for the first. Signals interrupt
+        it.
 
         :param timeout: seconds; 0 does not wait.
         :returns: messages of both ends by the times at which they came; none when the time is over.

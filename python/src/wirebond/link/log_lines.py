@@ -67,7 +67,7 @@ def say_line(place: str, codec: Codec, message: Message) -> None:
 
 
 def say_missed(place: str, missed: int) -> None:
-    """The same of lines that did not pass a `LineLimit`."""
+    """Do the same for lines that did not pass a `LineLimit`."""
     if missed:
         _lines.warning("%s: %d more log lines came within a second; they are not shown here", place, missed)
 
@@ -96,11 +96,11 @@ class LineLimit:
 
     @property
     def due(self) -> float:
-        """When there will be missed ones to tell."""
+        """Return when missed lines are due to be reported."""
         return self._began + 1.0 if self._missed else float("inf")
 
     def take_missed(self, t: float) -> int:
-        """How many did not pass, once their second is over."""
+        """Return how many did not pass, once their second is over."""
         if self._missed == 0 or t - self._began < 1.0:
             return 0
         missed, self._missed = self._missed, 0

@@ -43,7 +43,7 @@ class LinkServices(Protocol):
 
 
 class Owner(Protocol):
-    """What differs between a port of this program and one of a server. Any thread may call any method.
+    """The difference between a port of this program and one of a server. Any thread may call any method.
 
     :ivar port: the name to show.
     :ivar baud: bits per second of the line.

@@ -1,4 +1,4 @@
-"""Who is at the other end: what its hello said of the file that it was built from. No thread, no port, no clock."""
+"""The other end, by its hello: the file from which it was built. No thread, no port, no clock."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _ANSWER_TIME = 1.0  # seconds in which a hello is the answer to ours; a later on
 
 @dataclass(frozen=True)
 class Peer:
-    """What is known of the file that the MCU was built from.
+    """Whether the MCU was built from the same file, as far as it is known.
 
     :ivar state: ``unknown``: it has not said hello since the port was opened, or the file maps no hello; ``same``: its
         bytes mean what they mean here; ``different``: they may mean something else.
@@ -33,7 +33,7 @@ class Peer:
 
 
 class PeerBook:
-    """When to say hello, and what the answers tell. One thread at a time.
+    """Decides when to say hello, and interprets the answers. One thread at a time.
 
     :param codec: the protocol.
     :param whom: the other end, for sentences.
@@ -66,7 +66,7 @@ class PeerBook:
 
     @property
     def due(self) -> float:
-        """When hello shall be said next."""
+        """Return when the next hello is due."""
         return self._next if self.message is not None else float("inf")
 
     def asked(self, t: float) -> None:

@@ -1,4 +1,4 @@
-"""What packages above this one add to a link: ports such as ``sim:`` and ``replay:``, and the recorder.
+"""Finds additions to a link from packages above this one: ports such as ``sim:`` and ``replay:``, and the recorder.
 
 They are entry points of the group ``wirebond.link`` in pyproject.toml, so that this package imports none of them.
 """

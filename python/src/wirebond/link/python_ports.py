@@ -57,7 +57,7 @@ class PythonPort(Protocol):
     """An open port. One thread reads, one writes; any may cancel. What goes wrong is an ``OSError``."""
 
     def read(self) -> tuple[bytes, float]:
-        """What has come, waiting a while for the first byte; and when it was looked for more, on
+        """Return the received bytes, after a short wait for the first, and the time of the last read, on
         ``time.monotonic()``."""
         ...
 
@@ -66,7 +66,7 @@ class PythonPort(Protocol):
         ...
 
     def held(self) -> int:
-        """How many bytes the driver holds, as far as it can tell."""
+        """Return how many bytes the driver holds, as far as it reports them."""
         ...
 
     def cancel(self) -> None:
@@ -258,7 +258,7 @@ class PythonOpener:
         return serial.serial_for_url(self._at, **options, **({} if sys.platform == "win32" else {"exclusive": True}))
 
     def _line_of(self, port: Any, timer: _LatencyTimer) -> dict[str, Any]:
-        """What the port really does. An RFC 2217 server has confirmed the settings."""
+        """Return the settings that the port really uses. An RFC 2217 server has confirmed them."""
         line = self._settings
         made = {"baud": line.baud, "asked_baud": line.baud, "data_bits": line.data_bits, "parity": line.parity}
         made |= {"stop_bits": line.stop_bits, "is_exclusive": not self._name.is_tcp, "low_latency": "not_offered"}

@@ -1,4 +1,5 @@
-"""How fast a link is, from two looks at its account: rates by message, losses, use of the line. No clock, no port."""
+"""Computes the rates of a link from two states of its account: by message, losses, use of the line. No clock, no
+port."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ _LOOKS = 200  # that are kept for the longest window
 
 @dataclass(frozen=True)
 class MessageRate:
-    """Of one message.
+    """The rate of one message.
 
     :ivar per_second: how many came, or left.
     :ivar due: how many should, by the message's ``every``; None: it has none.
@@ -70,7 +71,7 @@ class SendRate:
 
 @dataclass(frozen=True)
 class Rates:
-    """What a link did in the last ``seconds``.
+    """The rates of a link over the last ``seconds``.
 
     :ivar messages: by message of the other end: those that came, and those that are due.
     :ivar sent: by message of the own end: those that left, and those that are due. One that the program does not repeat
@@ -97,7 +98,8 @@ class Rates:
 def rates_between(
     protocol: Protocol, baud: int, earlier: LinkStats, later: LinkStats, seconds: float, peer: End = End.MCU
 ) -> Rates:
-    """What happened between two looks at a link's account that lie ``seconds`` apart. ``peer``: the end it hears."""
+    """Return the rates between two states of a link's account, ``seconds`` apart. ``peer``: the end that it receives
+    from."""
     seconds = max(seconds, 1e-6)
     bits = protocol.link.bits_per_byte
     before, now = earlier.receive, later.receive

@@ -1,4 +1,4 @@
-"""What a program does with received messages: take them, see the newest, have functions called, ask for replies.
+"""Receiving for programs: take messages, read the newest, register handlers, wait for replies.
 
 One file: the same list for received messages; each method is a few lines and its documentation.
 """
@@ -314,8 +314,8 @@ class Receiving:
 
     @property
     def aio(self) -> Aio:
-        """What waits, for coroutines: ``async for message in link.aio``, ``await link.aio.request(...)``. In a running
-        event loop.
+        """Coroutines for everything that waits: ``async for message in link.aio``, ``await link.aio.request(...)``. In
+        a running event loop.
 
         :raises UsageError: no event loop runs in this thread.
         """
@@ -447,7 +447,7 @@ class Receiving:
         self._inbox.handlers.start()
 
     def _check_kind(self, message: object) -> None:
-        """Of what handlers are called with: all, a name, a class."""
+        """Check the argument of a handler's registration: nothing, a name, or a class."""
         if message is not None and not isinstance(message, str | type):
             raise UsageError(f"on() takes a message's name or class, not {shown(message)}; write @link.on() for all")
         if message is not None:
@@ -462,7 +462,7 @@ class Receiving:
             raise UsageError(_no_action(self.codec, self._end, action, self._actions, nothing))
 
     def _received_name(self, message: str | type[TypedMessage]) -> str:
-        """Of a message that may come.
+        """Return the name of a message that can be received.
 
         :raises UsageError: none may.
         """

@@ -1,4 +1,4 @@
-"""Which request a reply answers: by its message, its address, the fields that it carries back, and the order.
+"""Finds the request that a reply answers: by its message, its address, the fields that it repeats, and the order.
 
 No thread, no port: who sends notes what is asked, and who receives asks whose each message is.
 """
@@ -87,7 +87,7 @@ class RequestBook:
     def question(
         self, message: str, frame: bytes, header: Mapping[str, Any], finish: Callable[[Outcome], None] | None
     ) -> Question:
-        """What this frame asks.
+        """Return the question in this frame.
 
         :raises UsageError: the message has no reply.
         """
@@ -122,7 +122,7 @@ class RequestBook:
             self._next()
 
     def arrived(self, question: Question) -> Arrivals | None:
-        """What came since the request was sent; None: it was not sent."""
+        """Return what arrived since the request was sent, or None if it was not sent."""
         if question.before is None or self._account is None:
             return None
         return Arrivals.between(question.before, self._account())

@@ -35,7 +35,7 @@ class Rfc2217Port(Serial):  # type: ignore[misc]  # pyserial has no types
             os.close(self._socket.fileno())
 
     def read(self, size: int = 1) -> bytes:  # noqa: ARG002 pyserial's face
-        """What came together, whatever ``size`` is; empty after the port's timeout.
+        """Return the bytes that arrived together, whatever ``size`` is. Empty after the port's timeout.
 
         :raises SerialException: the connection has ended, and all that came before was read.
         """

@@ -1,5 +1,4 @@
-"""What a link does by itself with the services of its file: it says hello, follows the MCU's clock, and gives its
-log lines to `logging`.
+"""The services that a link provides automatically: hello, the MCU's clock, and log lines to `logging`.
 
 A thread beside the link, at a low rate.
 
@@ -39,7 +38,7 @@ from wirebond.seldom import Seldom, and_more
 
 
 class AskingLink(Protocol):
-    """What the services use of their link."""
+    """The parts of a link that the services use."""
 
     codec: Codec
     port: str
@@ -114,19 +113,19 @@ class Services:
 
     @property
     def peer(self) -> Peer:
-        """What is known of the other end."""
+        """Return whether the other end has the same file."""
         with self._lock:
             return self._book.peer
 
     @property
     def clock(self) -> ClockReading | None:
-        """What is known of the MCU's clock."""
+        """Return the state of the MCU's clock."""
         with self._lock:
             return None if self._clock is None or self._clock.sync is None else self._clock.sync.reading()
 
     @property
     def clock_line(self) -> ClockLine | None:
-        """The same, as times are worked out from it."""
+        """Return the same in the form that conversions use."""
         with self._lock:
             return None if self._clock is None or self._clock.sync is None else self._clock.sync.line
 
@@ -309,13 +308,13 @@ class _ClockExchanges:
 
     @property
     def due(self) -> float:
-        """When to look next."""
+        """Return when to call ``take`` next."""
         if self.sync is None:
             return math.inf
         return self._next if self._asked is None else self._asked_at + _CLOCK_TIMEOUT
 
     def take(self) -> None:
-        """What was answered."""
+        """Process the answers."""
         while self._answers:
             reply = self._answers.popleft()
             fields = reply.fields
@@ -346,7 +345,8 @@ def may_ask(codec: Codec, listens_to_all: bool) -> bool:
 
 
 def byte_seconds(link: AskingLink) -> float:
-    """What a byte takes on the link's line; 0 where the port has none, or none that runs at its baud rate."""
+    """Return the transmission time of a byte in seconds; 0 if the port has no line, or one that does not run at its
+    baud rate."""
     line = link.line
     if line is None:
         return 0.0

@@ -1,4 +1,4 @@
-"""What the engine's link takes from a protocol and a port's name: line, rhythms, safe values, addresses, deadlines."""
+"""Makes the engine's settings for a protocol and a port: line, periods, safe values, addresses, deadlines."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def engine_settings(
     adapter_latency: float = 0.0,
     end: End = End.HOST,
 ) -> EngineSettings:
-    """What the engine's link takes from the protocol. ``end``: the one that the link plays."""
+    """Return the engine's settings for the protocol. ``end``: the one that the link plays."""
     model = codec.model
     actions = actions_at(codec, end)
     return EngineSettings(
@@ -160,15 +160,14 @@ def _peer_stops(codec: Codec) -> Iterator[EnginePeerStop]:
 
 
 def recent_bytes(baud: int, bits_per_byte: float) -> int:
-    """How many bytes of both directions a link keeps for a dump: those of some seconds of a full line."""
+    """Return how many bytes of both directions a link keeps for a dump: some seconds of a full line."""
     full_line = 2 * RECENT_SECONDS * baud / bits_per_byte
     return round(min(max(full_line, LEAST_RECENT), MOST_RECENT))
 
 
 def safe_value(codec: Codec, stop: GivenMessage, header: Mapping[str, Any] | None) -> SafeValue:
-    """What the engine takes for one message of the stop. ``header``: of a frame whose addresses shall have it, too;
-    None: what the file says. Only the addresses of that header are taken: with a flag such as "wait for the trigger"
-    it would be no stop."""
+    """Return the engine's form of one message of the stop. ``header``: a frame whose addresses it must use; None: the
+    file's. Only the addresses are used, because with a flag such as "wait for the trigger" it would be no stop."""
     addresses = {f.name for f in header_fields(codec.model.format.parts) if f.address is not None}
     given = {**dict(stop.header), **{n: v for n, v in (header or {}).items() if n in addresses}}
     if header is not None and codec.tables.address is not None:

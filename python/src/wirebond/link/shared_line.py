@@ -17,7 +17,7 @@ _UNKNOWN = "unknown"
 
 
 class Sender(StrEnum):
-    """Who sent a frame that was heard."""
+    """The sender of a received frame."""
 
     HOST = "host"
     MCU = "mcu"
@@ -26,7 +26,7 @@ class Sender(StrEnum):
 
 @dataclass(frozen=True)
 class SharedStats:
-    """Where the bytes of a shared line went: ``bytes == frame_bytes + other_bytes + pending_bytes``.
+    """The account of bytes of a shared line: ``bytes == frame_bytes + other_bytes + pending_bytes``.
 
     :ivar bytes: all of them.
     :ivar frames: how many frames each sender had: ``host``, ``mcu``, ``either``.
@@ -99,7 +99,7 @@ class SharedLine:
 
     @cached_property
     def untold(self) -> list[str]:
-        """What the protocol does not tell apart, a sentence for each pair of messages."""
+        """Return a sentence for each pair of messages that the protocol cannot distinguish."""
         sentences = []
         for message in self._codec.model.messages:
             if not message.sent_by(End.HOST):
@@ -121,7 +121,7 @@ class SharedLine:
     # ---- whose a frame is
 
     def _told(self, found: dict[End, list[Message]]) -> list[tuple[Sender, Message]]:
-        """Of frames that overlap the one that begins first, or was complete first."""
+        """Choose among overlapping frames the one that began first, or was complete first."""
         places: dict[tuple[int, int], dict[End, Message]] = {}
         for end, messages in found.items():
             for message in messages:
@@ -152,7 +152,7 @@ class SharedLine:
         return sender, message
 
     def _sender(self, of_host: Message, of_mcu: Message) -> Sender:
-        """Of a frame that both readings find."""
+        """Return the sender of a frame that is valid for both ends."""
         known = (of_host.name != _UNKNOWN, of_mcu.name != _UNKNOWN)
         if known[0] != known[1]:
             return Sender.HOST if known[0] else Sender.MCU

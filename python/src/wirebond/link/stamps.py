@@ -47,7 +47,7 @@ def has_stamps(codec: Codec) -> bool:
 
 
 def on_line(line: ClockLine | None, mcu_us: int, near: float, wrap_us: int) -> HostTime | None:
-    """What this knowledge of the clock says. Times before its first exchange may be of another clock."""
+    """Return the time by this state of the clock. Times before its first exchange may belong to another clock."""
     if line is None or near < line.began:
         return None
     return line.at(line.counted_on(mcu_us, near, wrap_us) * 1e-6)
@@ -72,7 +72,7 @@ class LiveClock:
 
 
 class ServersClock:
-    """The same clock as the server of a link knows it. It is asked now and then.
+    """The clock as the server of a link knows it, asked from time to time.
 
     :param ask: what the server knows, and the seconds from its clock to this one.
     """

@@ -1,4 +1,4 @@
-"""What a link hands out to who records it: every read and every write with its time, and what happened."""
+"""The stream of a link for recorders: every read and every write with its time, and events."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class RawTaken:
 
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """What came since the last ``take``, in its order; and what had no room because that was too long ago."""
+    """Everything since the last ``take``, in order, and what was dropped because that was too long ago."""
 
     pieces: Sequence[Chunk | LinkEvent]
     lost_pieces: int
@@ -119,16 +119,17 @@ class Tap:
         self._number: int = engine.open_tap(capacity)
 
     def take(self) -> Taken:
-        """What came since the last call; at once."""
+        """Return everything since the last call, at once."""
         pieces, *lost = self._engine.take_tap(self._number)
         return Taken([self._piece(*piece) for piece in pieces], *lost)
 
     def take_raw(self) -> RawTaken:
-        """The same for who takes thousands a second; ``event`` makes events of the pieces that are no bytes."""
+        """Return the same for a caller that takes thousands per second; ``event`` converts the pieces that are no bytes
+        to events."""
         return RawTaken(*self._engine.take_tap(self._number))
 
     def event(self, piece: RawPiece) -> LinkEvent:
-        """What happened."""
+        """Convert a piece to an event."""
         made = self._piece(*piece)
         assert isinstance(made, LinkEvent)
         return made

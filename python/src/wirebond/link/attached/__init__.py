@@ -1,1 +1,1 @@
-"""What a server and the programs that attach to it have in common: its address, and the words that they exchange."""
+"""Shared by a server and the programs that attach to it: its address, and the messages between them."""

@@ -1,4 +1,4 @@
-"""Where a server is: ``wirebond://`` and a name, a socket's path, or a host and a port. Opens nothing."""
+"""The address of a server: ``wirebond://`` and a name, the path of a socket, or a host and a port. Opens nothing."""
 
 from __future__ import annotations
 
@@ -70,8 +70,8 @@ def socket_of(name: str) -> Path:
 
 
 def socket_folder() -> Path:
-    """Where the servers of this user have their sockets: in ``XDG_RUNTIME_DIR``, else in ``/tmp``; on Windows, where
-    they have a token and an emergency stop there, in ``LOCALAPPDATA``."""
+    """Return the folder for the sockets of this user's servers: in ``XDG_RUNTIME_DIR``, else in ``/tmp``. On Windows,
+    where servers keep a token and an emergency stop there, in ``LOCALAPPDATA``."""
     runtime = os.environ.get("XDG_RUNTIME_DIR")
     if runtime:
         return Path(runtime) / "wirebond"

@@ -186,14 +186,14 @@ class AttachedLink:
     # ---- requests
 
     def next_number(self) -> int:
-        """Of a call that will be made."""
+        """Return the number for the next call."""
         with self._owned():
             self._number += 1
             return self._number
 
     @contextlib.contextmanager
     def asking(self, number: int) -> Iterator[None]:
-        """What this thread sends is the request with this number."""
+        """Send everything of this thread as the request with this number."""
         self._asking.number = number
         try:
             yield
@@ -205,7 +205,7 @@ class AttachedLink:
             self._call(words.Withdraw(request=number))
 
     def about(self, number: int) -> dict[str, Any] | None:
-        """What the server knows of a request that has no reply; None: nothing."""
+        """Return the server's facts about a request without a reply, or None."""
         try:
             found: dict[str, Any] | None = self._call(words.About(request=number))
         except WirebondError:
@@ -305,7 +305,7 @@ class AttachedLink:
         self._stamper = stamper
 
     def clock_line(self) -> tuple[ClockLine | None, float]:
-        """What the server knows of the clock, and the seconds from its clock to this one."""
+        """Return the server's knowledge of the clock, and the seconds from its clock to this one."""
         found = self._ask("clock_line", None)
         return None if found is None else msgspec.convert(found, ClockLine), self._shift
 

@@ -30,7 +30,7 @@ class ServerRecordings:
 
     @property
     def current(self) -> StoredRecording | None:
-        """What the server records at the moment; None: nothing."""
+        """Return the server's current recording, or None."""
         found = self._engine.of_recordings(words.Ask(what="recording"))
         return None if found is None else _one(found)
 

@@ -58,7 +58,7 @@ class AttachedRequests(RequestBook):
             self._engine.withdraw(question.number)
 
     def _learn(self, question: Question) -> None:
-        """What the server knows of it, for the sentence that no reply came."""
+        """Get the server's facts about it, for the sentence that no reply came."""
         known = self._engine.about(question.number)
         if known is not None:
             question.carried, question.others = known["carried"], known["others"]

@@ -40,7 +40,7 @@ class AttachedServices:
 
     @property
     def peer(self) -> Peer:
-        """What is known of the other end."""
+        """Return the facts about the other end."""
         found = self._engine.peer()
         if found is None:
             return Peer("unknown", why=f"{self._place} is away: {self._engine.why()}")
@@ -48,7 +48,7 @@ class AttachedServices:
 
     @property
     def clock(self) -> ClockReading | None:
-        """What is known of the MCU's clock."""
+        """Return the state of the MCU's clock, or None."""
         found = self._engine.clock()
         return None if found is None else msgspec.convert(found, ClockReading)
 

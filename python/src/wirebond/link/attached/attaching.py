@@ -111,7 +111,7 @@ def attach(
 
 
 def _connect_unix(found: socket.socket, path: str) -> None:
-    """Where many programs attach at once, the server's queue may be full for a moment."""
+    """Connect, and retry if the server's queue is full because many programs attach at once."""
     until = time.monotonic() + PATIENCE
     while True:
         try:

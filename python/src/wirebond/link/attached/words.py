@@ -1,4 +1,4 @@
-"""What a server and who attaches say to each other: docs/server.md. Bytes to values and back; no socket, no thread.
+"""The messages between a server and its clients: docs/server.md. Bytes to values and back; no socket, no thread.
 
 On a stream each message is its length (u32, little-endian, of what follows), its kind (one byte), and its body: JSON,
 or records of received frames.
@@ -32,7 +32,7 @@ def framed(kind: int, body: bytes) -> bytes:
 
 
 def json_message(value: Any) -> bytes:
-    """The same of a JSON value."""
+    """Return the same for a JSON value."""
     return framed(JSON, msgspec.json.encode(value))
 
 
@@ -131,7 +131,7 @@ class EndSafely(_Request, tag="end_safely"):
 
 
 class HandOver(_Request, tag="hand_over"):
-    """What this client has sent so far is not followed by safe values when it leaves."""
+    """Send no safe values for this client's messages so far when it leaves."""
 
 
 class Withdraw(_Request, tag="withdraw"):
@@ -141,7 +141,7 @@ class Withdraw(_Request, tag="withdraw"):
 
 
 class About(_Request, tag="about"):
-    """What is known of this request, which has no reply yet."""
+    """Ask for the facts about a request that has no reply yet."""
 
     request: int = 0
 
@@ -183,7 +183,7 @@ class SetAddress(_Request, tag="set_address"):
 
 
 class Ask(_Request, tag="ask"):
-    """How the link is."""
+    """Ask for the state of the link."""
 
     what: Literal[
         "state", "why", "stats", "stopped", "struck", "recent", "peer", "clock", "clock_line", "line", "recording"
@@ -204,7 +204,7 @@ class OpenTap(_Request, tag="open_tap"):
 
 
 class TakeTap(_Request, tag="take_tap"):
-    """What was kept."""
+    """Take the kept bytes and events."""
 
     tap: int = 0
 
@@ -260,7 +260,7 @@ read_request = msgspec.json.Decoder(Request).decode
 
 
 class Welcome(msgspec.Struct):
-    """What a server says of itself to who attaches."""
+    """The server's facts for a client that attaches."""
 
     version: int
     server: str
@@ -321,7 +321,7 @@ class StoredRecording(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Control:
-    """Who may command what moves.
+    """Report which client may command motion.
 
     :ivar holder: the program in control, by the name that it gave itself; None: no program is.
     :ivar is_own: it is this one.

@@ -1,4 +1,4 @@
-"""Which serial ports there are, from sysfs: every real one, and no name behind which there is no hardware.
+"""Finds the serial ports of the machine in sysfs: every real one, and no name without hardware.
 
 The kernel lists terminals of every kind in ``/sys/class/tty``. Three facts of its documentation and sources tell them
 apart:
@@ -41,7 +41,7 @@ def serial_ports(root: Path = Path("/")) -> list[SerialPort]:
 
 
 def can_list_ports(root: Path = Path("/")) -> bool:
-    """Whether this system shows its ports in sysfs. Where it does not, ports have no names but their paths."""
+    """Return whether this system lists its ports in sysfs. Otherwise ports have only their paths."""
     return (root / _TTYS).is_dir()
 
 
@@ -70,7 +70,7 @@ class _Links:
 
 
 def link_target(root: Path, link: str) -> str | None:
-    """Where a symbolic link leads, as an absolute path; None if it is no link. `link` is absolute, too."""
+    """Return the absolute target of the symbolic link at this absolute path, or None if it is no link."""
     try:
         target = os.readlink(sysfs.below(root, link))  # noqa: PTH115 its text is wanted: it may be absolute
     except OSError:

@@ -13,7 +13,7 @@ from wirebond.link.devices.serial_port import SerialPort
 
 
 def port_facts(ports: Sequence[SerialPort], root: Path = Path("/")) -> list[dict[str, Any]]:
-    """What is known of each, the name that it keeps, and whether this user may open it."""
+    """Return the facts of each port, its stable name, and whether this user may open it."""
     return [_facts(port, list(ports), root) for port in ports]
 
 

@@ -1,4 +1,4 @@
-"""Who may open a port's device, and which group a user must join for that. Asks the system, and changes nothing."""
+"""Determines who may open a port's device, and which group a user must join. Reads the system, and changes nothing."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def current_user() -> User:
 
 
 def permission(path: str, root: Path = Path("/"), user: User | None = None) -> Permission | None:
-    """What `user` (default: this process) may do with the device `path`; None if it is not there.
+    """Return the rights of `user` (default: this process) on the device `path`, or None if it does not exist.
 
     Rights beside owner, group and mode (ACLs, as systemd gives them to who sits at the screen) count only where it is
     this process that is asked about, on the real file system.

@@ -1,4 +1,4 @@
-"""What a port's name means: a tty's path, a USB device, or a server on the network. Opens nothing."""
+"""The meaning of a port's name: the path of a tty, a USB device, or a server on the network. Opens nothing."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class PortName:
         return self.text.startswith("usb:")
 
     def path(self) -> str:
-        """Where the tty is at the moment.
+        """Return the current path of the tty.
 
         :raises PortError: a USB device that is not there, or one of several that fit.
         """

@@ -68,7 +68,7 @@ def _process(folder: Path, pid: int) -> Process:
 
 
 def _opened(folder: Path) -> dict[str, str] | None:
-    """What is behind each number; None if that may not be seen."""
+    """Return the target of each descriptor, or None if this user may not see it."""
     found = {}
     try:
         for number in os.listdir(folder):  # noqa: PTH208 names are wanted, not paths

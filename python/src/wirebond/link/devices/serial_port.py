@@ -1,4 +1,4 @@
-"""What is known of one serial port: plain values, and nothing that reads them."""
+"""The facts about one serial port: plain values, and nothing that reads them."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def below(root: Path, path: str) -> Path:
 
 
 def names(folder: Path) -> list[str]:
-    """What lies in a folder, sorted; nothing if it is not there or may not be read."""
+    """Return the sorted names in a folder. Empty if it does not exist or cannot be read."""
     try:
         return sorted(os.listdir(folder))  # noqa: PTH208 names are wanted, not paths
     except OSError:

@@ -1,4 +1,4 @@
-"""What is in the way between a program and a serial port on this machine, with the command that cures it.
+"""Finds what keeps a program from using a serial port of this machine, with the command that fixes it.
 
 Each check is a file: a function over a `Machine` that reads its files, changes nothing, and needs no rights.
 """

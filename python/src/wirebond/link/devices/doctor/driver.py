@@ -45,7 +45,7 @@ def check_driver(machine: Machine) -> list[Finding]:
 
 
 def _adapter(interface: UsbFolder) -> tuple[str, str] | None:
-    """What it is, and the module for it."""
+    """Return the kind of adapter and its kernel module."""
     device = UsbFolder(interface.folder.parent, None)
     ids = f"{device.text('idVendor')}:{device.text('idProduct')}".lower()
     if ids in _MODULES:

@@ -1,4 +1,4 @@
-"""Which checks there are, and for which ports they are asked."""
+"""The list of checks, and the ports that each one examines."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ PORT_CHECKS: tuple[Callable[[Machine, SerialPort], Finding | None], ...] = (
 
 
 def examine(machine: Machine, name: str | None = None) -> list[Finding]:
-    """What the checks say of the port `name`, as `resolve` takes it, or of all ports; and of the machine.
+    """Return the findings for the port `name`, as `resolve` takes it, or for all ports; and for the machine.
 
     :raises UsageError: `name` begins with ``usb:`` and is written wrong.
     """

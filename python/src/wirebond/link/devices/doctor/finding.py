@@ -1,4 +1,4 @@
-"""What a check of ``wirebond doctor`` found: plain values."""
+"""The result of a check of ``wirebond doctor``: plain values."""
 
 from __future__ import annotations
 

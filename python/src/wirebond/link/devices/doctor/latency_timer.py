@@ -1,4 +1,4 @@
-"""How long an FTDI adapter holds received bytes back: its latency timer."""
+"""The latency timer of an FTDI adapter: how long it holds received bytes back."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ class Machine:
         return None
 
     def udev_properties(self, port: SerialPort) -> dict[str, str]:
-        """What udev has noted of the port, and of its USB device."""
+        """Return udev's properties of the port and of its USB device."""
         name = port.path.removeprefix("/dev/").replace("/", "!")
         found: dict[str, str] = {}
         if (device := self.usb_device_of(port)) is not None:

@@ -1,4 +1,4 @@
-"""Where this runs, if not on the machine itself: a container, or Linux on Windows (WSL)."""
+"""Detects a container, or Linux on Windows (WSL)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from wirebond.link.devices.doctor.machine import Machine
 
 
 def container(machine: Machine) -> str | None:
-    """What kind of container this is; None if it is none, as far as its files tell."""
+    """Return the kind of container, or None if its files show none."""
     if machine.exists("/.dockerenv"):
         return "Docker container"
     if machine.exists("/run/.containerenv"):
