@@ -43,7 +43,8 @@ def pool(codec: Codec, sender: End, seed: int, frames_a_message: int = 256) -> P
 
 
 def asked(codec: Codec) -> Codec:
-    """Where only a request tells what a reply is, as its receiver is that expects the longest reply of each end."""
+    """Return the codec as a receiver that expects the longest reply of each end, if only a request identifies a
+    reply."""
     model = codec.model
     for end in (End.HOST, End.MCU):
         while dependent := told_by_request(model.messages, end):

@@ -290,14 +290,14 @@ def in_order(algorithm: Algorithm, order: ByteOrder) -> Algorithm:
 
 
 def advice_for_kind(kind: CheckKind) -> str:
-    """What to write instead of a kind without its width."""
+    """Return the advice for a kind without its width."""
     if kind == CheckKind.CRC:
         return "name one of the catalogue"
     return f"name one: {', '.join(AMBIGUOUS[kind.value])}"
 
 
 def advice_for_unknown(name: str) -> str:
-    """What to write instead of a name that `find` does not know."""
+    """Return the advice for a name that `find` does not know."""
     meanings = AMBIGUOUS.get(name.lower())
     if meanings is not None:
         return f"say which: {', '.join(meanings)}"

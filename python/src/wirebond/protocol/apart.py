@@ -1,4 +1,5 @@
-"""Whether a receiver can tell the forms of a frame apart, by the bytes before the payload and by its size."""
+"""Finds out whether a receiver can distinguish the forms of a frame, by the bytes before the payload and by its
+size."""
 
 from __future__ import annotations
 

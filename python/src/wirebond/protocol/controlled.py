@@ -1,4 +1,4 @@
-"""Which messages of the host move things, so that one program at a time may send them."""
+"""Finds the messages of the host that cause motion, so that only one program at a time may send them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an MCU says of its own counters, by the counters service: numbers, and a sentence."""
+"""The MCU's counters from the counters service: numbers, and a sentence."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from wirebond.protocol.model import Message, Protocol
 
 @dataclass(frozen=True)
 class McuCounters:
-    """What an MCU counted since it started. As ``str`` it is a sentence on what it refused.
+    """The MCU's counters since it started. As ``str`` it is a sentence about refused bytes and messages.
 
     A counter wraps at the size of its field, or of 32 bits; differences of two messages stay right.
 
@@ -60,7 +60,7 @@ class McuCounters:
 
 
 def mcu_counters(protocol: Protocol, message: Message, values: Mapping[str, Any]) -> McuCounters | None:
-    """What ``message`` with these values says of the MCU's counters; None where it is not of that service."""
+    """Return the MCU's counters in ``message`` with these values, or None if it is not of that service."""
     service = protocol.service("counters")
     if service is None or service.message("message") != message.name:
         return None

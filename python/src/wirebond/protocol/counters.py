@@ -1,4 +1,4 @@
-"""What an MCU's link counts, by the names that fields of the counters service have."""
+"""The counters of an MCU's link, by the names of the counters service's fields."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How numbers are written for people: 10 and 0.00002, not 1e+01 and 2e-05."""
+"""Writes numbers for people: 10 and 0.00002, not 1e+01 and 2e-05."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which messages are one that the file gives with its values, such as the emergency stop."""
+"""Finds messages with the values of one in the file, such as the emergency stop."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def _element_equal(field: Field, received: Any, given: Any) -> bool:
 
 
 def _flag_bits(field: Field, value: Any) -> int:
-    """Of a number, or of a list of names and of numbers without one."""
+    """Return the bits of a number, or of a list of names and of numbers without a name."""
     if isinstance(value, int):
         return value
     bits = dict(field.flags)

@@ -115,7 +115,7 @@ def _part(part: Part) -> dict[str, Any]:
 
 
 def _more_than_before(a: Algorithm) -> list[Any]:
-    """What checks can be since protocols have hashes: nothing of those that were possible before."""
+    """Return the properties of a check that exist since hashes do; empty for older ones."""
     more = [a.unit, a.unit_order.value if a.unit > 1 else "", a.odd.value, a.end_around, a.plus, a.kept]
     more = [] if more == [1, "", "pad", False, 0, (1 << a.width) - 1] else more
     last = ["bcd"] * a.bcd + (["avoid", a.avoided, a.avoided_plus] if a.avoided else [])
@@ -146,7 +146,7 @@ def _run_value(run: Bits) -> int:
 
 
 def _header_meaning(field: Field) -> dict[str, Any]:
-    """What makes a header field more than an unsigned number; nothing where it is none."""
+    """Return the properties that make a header field more than an unsigned number; empty if there are none."""
     added = {
         "signed": field.coding.is_signed,
         "sign_magnitude": field.coding == SIGN_MAGNITUDE,

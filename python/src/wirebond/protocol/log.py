@@ -19,7 +19,7 @@ LEVELS = tuple(level.value for level in LogLevel)  # by the number that the log 
 
 @dataclass(frozen=True)
 class LogLine:
-    """What a message says in the log. As ``str`` it is one line that is safe to print.
+    """The log text of a message. As ``str`` it is one line that is safe to print.
 
     :ivar level: debug, info, warning or error; where a log service sends another, what it sent.
     :ivar text: as the file gives it, or as the device sent it: it may hold any character.
@@ -47,7 +47,7 @@ def log_line(protocol: Protocol, message: Message, values: Mapping[str, Any]) ->
 
 
 def _level(value: object) -> str:
-    """Of the log service: a number, or the name that the file gives it."""
+    """Return the level of the log service: a number, or the file's name for it."""
     if isinstance(value, int):
         return LEVELS[value] if value < len(LEVELS) else f"level {value}"
     return str(value)

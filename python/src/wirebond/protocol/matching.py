@@ -1,4 +1,4 @@
-"""Which message a frame is, where an id alone does not say: whether the frames of two messages can be the same."""
+"""Identifies the message of a frame if an id is not enough: whether the frames of two messages can be the same."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Shared:
 
 
 def id_key(message: Message) -> int | None:
-    """What tells a message from others of its sender where none has a ``match``: its id, or that it has none."""
+    """Return what identifies a message among others of its sender without ``match``: its id, or that it has none."""
     return message.id if message.has_id else None
 
 
@@ -76,7 +76,7 @@ def are_matched(messages: Iterable[Message]) -> bool:
 
 @dataclass(frozen=True)
 class Told:
-    """What a frame tells of its message: the id, None where it has none; the numbers of its header, as bits.
+    """The facts in a frame that identify its message: the id, or None; the numbers of its header, as bits.
 
     ``payload`` is empty where only what stands before it is asked for.
     """
@@ -93,7 +93,7 @@ class Told:
         return all((number := self.number_of(match)) is not None and match.holds(number) for match in told_by(message))
 
     def number_of(self, match: Match) -> int | None:
-        """What the frame has where this looks; None: nothing is there."""
+        """Return the frame's value for this match, or None if it has none."""
         if match.of == MatchOf.PAYLOAD:
             place = match.place
             assert place is not None

@@ -1,4 +1,4 @@
-"""Which names a protocol file may give, and what they are called in generated code."""
+"""The names that a protocol file may use, and their forms in generated code."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _NAMESPACES = frozenset({"std", "wirebond"})
 
 
 def fault(name: str) -> str:
-    """What is wrong with a name and what would be right; empty if nothing is. Keywords of languages are names."""
+    """Return the fault of a name and its correction; empty if there is none. Keywords of languages are allowed."""
     if not _SHAPE.match(name) or name.endswith("\n"):
         return "is not a name; a name has letters, digits and single underscores, a letter first"
     if len(name) > MAX_LENGTH:
@@ -71,19 +71,19 @@ def protocol_fault(name: str) -> str:
 
 
 def code_name(name: str) -> str:
-    """What a name of the file is called in generated code: `MotorSpeed`, `motorSpeed` and `Motor_Speed` are all
-    `motor_speed`, and `RPM` is `rpm`."""
+    """Return the form of a name in generated code: `MotorSpeed`, `motorSpeed` and `Motor_Speed` all become
+    `motor_speed`, and `RPM` becomes `rpm`."""
     return _NEW_WORD.sub("_", name).lower()
 
 
 def identifier(name: str) -> str:
-    """The same as a word of its own in C++ and in C: `class` is `class_`."""
+    """Return the same as an identifier of C++ and C: `class` becomes `class_`."""
     found = code_name(name)
     return found + "_" if found in _CPP_KEYWORDS | _MACROS else found
 
 
 def python_identifier(name: str) -> str:
-    """The same in Python."""
+    """Return the same as an identifier of Python."""
     found = code_name(name)
     return found + "_" if keyword.iskeyword(found) else found
 
@@ -104,7 +104,7 @@ def meeting_fault(name: str, other: str) -> str:
 
 
 def action_fault(name: str) -> str:
-    """What is wrong with the name of a deadline's action, which becomes a function of the firmware's handler."""
+    """Return the fault in the name of a deadline's action, which becomes a function of the firmware's handler."""
     if code_name(name) == "parameters":  # core/include/wirebond/mcu/link.hpp; the others overload
         return f"is the function by which a handler gives its parameters; write for example `{name}_expire`"
     return ""

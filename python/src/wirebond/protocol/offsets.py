@@ -187,7 +187,7 @@ def offsets_of(form_parts: FormParts, algorithms: list[Algorithm], places: dict[
 
 
 def _refused_sizes(parts: tuple[Part, ...], payload_index: int, checks: list[Part]) -> tuple[int, int]:
-    """Which payloads checks over words let pass that refuse an incomplete one: a divisor of the size, and the rest.
+    """Return the payload sizes that checks over whole words accept: a divisor of the size, and the remainder.
 
     A rest as great as the divisor lets none pass.
     """
@@ -210,7 +210,7 @@ def _refused_sizes(parts: tuple[Part, ...], payload_index: int, checks: list[Par
 
 
 def _number_of(choice: Choice, header: list[HeaderNumber], message_id: Number | None) -> Number | None:
-    """Where the bits of a choice stand; None: it is about the payload's size."""
+    """Return the place of a choice's bits, or None if it is about the payload's size."""
     if choice.subject == Subject.SIZE:
         return None
     if choice.subject == Subject.ID:

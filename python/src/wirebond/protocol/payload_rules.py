@@ -60,7 +60,7 @@ class PayloadRules:
 
     @property
     def needed_counts(self) -> int:
-        """How many of the counts say where the constants lie."""
+        """Return how many of the counts determine the places of the constants."""
         return max((constant.behind for constant in self.constants), default=0)
 
 

@@ -1,4 +1,4 @@
-"""What the core reads of a frame: offsets, tests and rows of messages (``wirebond/format.hpp``), as plain values.
+"""The core's description of a frame: offsets, tests and rows of messages (``wirebond/format.hpp``), as plain values.
 
 ``planning`` makes it. The engine is filled from it and the generated C++ prints it, so both ends have one meaning.
 """
@@ -74,13 +74,13 @@ class CheckRule:
 
     @property
     def bits(self) -> int:
-        """How many bits of a frame it decides."""
+        """Return how many bits of a frame it determines."""
         return 8 * self.bytes if self.run is None else self.run.mask.bit_length()
 
 
 @dataclass(frozen=True)
 class HeaderNumber:
-    """Where a form has a header field. Numbers are bits on the wire."""
+    """The place of a header field in a form. Numbers are bits on the wire."""
 
     name: str
     number: Number
@@ -192,7 +192,7 @@ class MessageRow:
 
 
 class Framing(StrEnum):
-    """How a frame's place in a stream is found."""
+    """How the start and end of a frame in a stream are found."""
 
     BY_START = "by_start"  # by its first constant and its size
     DELIMITED = "delimited"  # between two equal delimiters

@@ -181,7 +181,7 @@ def _framing(protocol: Protocol) -> Framing:
 
 
 def _starts(frame_format: FrameFormat) -> int:
-    """How many values the first byte of a frame has."""
+    """Return how many values the first byte of a frame can have."""
     magic = frame_format.parts[0]
     values = [value for _, value in magic.by_sender] or magic.alternatives or (magic.value,)
     return len({value[0] for value in values})

@@ -85,7 +85,7 @@ def no_message(protocol: str, wanted: object, messages: Iterable[str]) -> str:
 
 
 def suggestion(name: str, allowed: Iterable[str]) -> str:
-    """What to write instead of ``name``: the nearest word, and all of them where they are few."""
+    """Return the advice for ``name``: the nearest word, and all possible ones if they are few."""
     words = list(allowed)
     near = nearest(name, words)
     hint = f"did you mean `{near}`?" if near else ""

@@ -1,4 +1,4 @@
-"""What a reply repeats of its request."""
+"""Finds the fields that a reply repeats from its request."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def carried_back(reply: Message, request: Message) -> list[str]:
 
 
 def identifying(reply: Message, request: Message) -> list[str]:
-    """Of these the ones by which a reply says which request it answers: whole numbers, names and flags. A measure may
-    come back as another one, such as a set point that the peer clamped."""
+    """Return those of these fields by which a reply identifies its request: integers, names and flags. A measured value
+    may come back changed, such as a set point that the peer clamped."""
     asked = {f.name: f for f in request.fields}
     return [name for name in carried_back(reply, request) if _names_something(asked[name])]
 

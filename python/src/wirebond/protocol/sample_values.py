@@ -24,8 +24,8 @@ class Chooser(Protocol):
     """Makes up the single values. ``place``: the number of the field, and of the element, so that values may differ."""
 
     def size(self, fields: Sequence[Field], most: int) -> int:
-        """How many elements or bytes, at most ``most``, each of these fields has: one number counts them, or it is one
-        list without a count."""
+        """Return how many elements or bytes, at most ``most``, each of these fields has: one number counts them, or it
+        is one list without a count."""
 
     def string(self, field: Field, size: int | None) -> str | bytes:
         """A text or bytes. ``size``: of a counted one."""

@@ -46,7 +46,7 @@ def number_type(letter: str, size: int, order: ByteOrder) -> str:
 
 
 def how_counted(field: Field) -> str:
-    """What tells how many elements or bytes a field has; empty where no field does."""
+    """Describe how the number of elements or bytes of a field is given; empty if no field gives it."""
     unit = "as many bytes as" if field.counted_in_bytes else "as many as"
     told = [f"{unit} {field.counted_by} says"] if field.counted_by else []
     told += [f"as many bytes as {field.bytes_counted_by} says"] if field.bytes_counted_by else []
@@ -111,7 +111,7 @@ def condition_text(condition: Condition) -> str:
 
 
 def choices_text(choices: tuple[Choice, ...]) -> str:
-    """What must be so for a frame to have a form: ``flags & 0x01 and size in 256..65535``; empty for a form alone."""
+    """Return the conditions of a form: ``flags & 0x01 and size in 256..65535``; empty for the only form."""
     return " and ".join(_choice_text(choice) for choice in choices)
 
 
@@ -168,7 +168,7 @@ def part_text(parts: tuple[Part, ...], index: int) -> str:
 
 
 def _options(parts: tuple[Part, ...], index: int) -> list[str]:
-    """What stands beside the key that says which part it is."""
+    """Return the options of a part, apart from the key that gives its kind."""
     part = parts[index]
     options = []
     if part.kind == PartKind.FIELD:
@@ -187,12 +187,12 @@ def _options(parts: tuple[Part, ...], index: int) -> list[str]:
 
 
 def sequence_text(header: HeaderField) -> str:
-    """What a sequence number counts."""
+    """Describe what a sequence number counts."""
     return f"rises by one from frame to frame{' of the same message' if header.per_message else ''}"
 
 
 def header_options(header: HeaderField) -> list[str]:
-    """What a header field says about itself, beside its type: `scale: 0.1`, `default: {host: 255, mcu: 1}`."""
+    """Return the options of a header field, apart from its type: `scale: 0.1`, `default: {host: 255, mcu: 1}`."""
     field = header.value
     options = [f"scale: {_value(field.scale)}"] * (field.scale != 1)
     options += [f"offset: {_value(field.offset)}"] * (field.offset != 0)
@@ -282,7 +282,7 @@ def _payload(parts: tuple[Part, ...], index: int) -> str:
 
 
 def _parameters(algorithm: Algorithm, order: ByteOrder) -> list[str]:
-    """What the algorithm's name does not say."""
+    """Return the parameters that the algorithm's name does not imply."""
     named = algorithms.find(algorithm.name)
     plain = named or Algorithm(algorithm.name, algorithm.kind, algorithm.width)
     options = [] if named else [f"width: {algorithm.width}"]
@@ -367,7 +367,7 @@ def match_text(match: Match, digits: int = 2) -> str:
 
 
 def match_texts(message: Message) -> list[str]:
-    """What its frames have beside the id."""
+    """Return what identifies its frames besides the id."""
     return [
         f"{'payload size' if match.of == MatchOf.SIZE else match.name} {match_text(match)}"
         for match in message.match

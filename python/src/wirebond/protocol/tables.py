@@ -87,7 +87,7 @@ def _message(message: Message) -> Table:
 
 
 def _field(field: Field) -> Table:
-    """What a field means, and how one number of it lies in bytes; not how often it occurs."""
+    """Return the meaning of a field, and the bytes of one number of it; not how often it occurs."""
     table: Table = {
         "name": field.name,
         "kind": field.kind,
@@ -138,7 +138,7 @@ def _steps(steps: tuple[Step, ...]) -> list[Table]:
 
 
 def _own(step: Step) -> Table:
-    """What only a step of this kind has."""
+    """Return the entries that only a step of this kind has."""
     field = step.field
     match step:
         case Number():

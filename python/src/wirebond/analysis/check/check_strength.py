@@ -1,4 +1,4 @@
-"""How many damaged frames a format's checks let through, measured on the protocol's own frames with its own decoder.
+"""Measures how many damaged frames a format's checks accept, on the protocol's own frames with its own decoder.
 
 Two receivers are measured. The protocol's own knows its messages: a damaged id or size is often refused for that alone.
 The open receiver takes any id and any size, as firmware does that looks only at header, check and tail; it gets the
@@ -209,7 +209,7 @@ def uncovered(protocol: Protocol, places: Places) -> list[Finding]:
 
 
 def _uncovered_from(protocol: Protocol, end: End) -> Iterator[tuple[str, str]]:
-    """What it is, and the name of its part, in the order of the frame."""
+    """Yield each uncovered part's kind and name, in the order of the frame."""
     for form in parts_of_forms(protocol.format.parts, end):
         checks = [part for part in form.parts if part.kind == PartKind.CHECK]
         covered = {index for check in checks for index in check.covered}

@@ -1,4 +1,4 @@
-"""Whether frames hold a delimiter among bytes that are not stuffed, so that no receiver finds them."""
+"""Finds frames that contain a delimiter in bytes that are not stuffed, so that no receiver finds them."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ class Measured:
 
     @property
     def at_most(self) -> float:
-        """Where none was accepted: the share that 95 % of such measurements stay below (rule of three)."""
+        """If none was accepted: the share that 95 % of such measurements stay below (rule of three)."""
         return min(1.0, 3 / self.samples) if self.samples and not self.accepted else self.share
 
     def __add__(self, other: Measured) -> Measured:
@@ -115,7 +115,8 @@ def measure(pool: Pool, fault: Fault, samples: int, seed: int, weights: NDArray[
 
 
 def decode_blocks(pool: Pool, blocks: Iterable[bytes]) -> Iterator[int]:
-    """How many frames each block yields where silence ends a frame: the line is quiet before and behind every one."""
+    """Yield how many frames each block contains if silence ends a frame: the line is quiet before and after each
+    block."""
     decoder = pool.codec.decoder(pool.sender)
     pause = 2 * pool.codec.model.idle_seconds
     now = 0.0
@@ -127,14 +128,14 @@ def decode_blocks(pool: Pool, blocks: Iterable[bytes]) -> Iterator[int]:
 
 
 def weights_by_damage(pool: Pool, rate: float) -> NDArray[np.float64]:
-    """How likely each frame of the pool is among the damaged ones at this bit error rate: long ones are hit more."""
+    """Return how likely each frame of the pool is damaged at this bit error rate: long frames are hit more often."""
     bits = 8 * np.array([len(frame) for frame in pool.frames])
     hit = -np.expm1(bits * np.log1p(-rate))
     return np.asarray(hit / hit.sum(), dtype=np.float64)
 
 
 def _chance_of_errors(bits: Integers, rate: float) -> NDArray[np.float64]:
-    """Of 1, 2, … errors in a frame that has at least one, a row for each frame."""
+    """Return the chances of 1, 2, … errors in a frame that has at least one, a row for each frame."""
     chances = []
     chance = (1 - rate) ** bits.astype(np.float64)
     for number in range(1, _MOST_ERRORS + 1):

@@ -96,7 +96,7 @@ def _bytes_differ(codec: Codec, example: Example, expected: bytes) -> tuple[str,
 
 
 def _as_received(codec: Codec, example: Example) -> str:
-    """What the receiver makes of the example's own bytes."""
+    """Return the receiver's reading of the example's own bytes."""
     decoder = codec.decoder(example.sender)
     decoder.expect(codec.tables.request_for(example.message))
     messages = decoder.feed(example.frame) + decoder.finish()

@@ -1,4 +1,4 @@
-"""What a rule finds: a sentence with its figure, the reason behind it, what to do, and where in the file."""
+"""The result of a rule: a sentence with its figure, the reason, what to do, and the place in the file."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ class FrameBound:
 
 
 def frame_bounds(protocol: Protocol) -> list[FrameBound]:
-    """Of each end that sends."""
+    """Return the bounds for each end that sends."""
     copies = 2 if protocol.format.stuffing == Stuffing.NONE else 3
     found = []
     for end in senders(protocol):

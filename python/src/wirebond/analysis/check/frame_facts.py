@@ -92,7 +92,7 @@ def wire_bytes(protocol: Protocol, sender: End, payload: int) -> int:
 
 
 def open_protocol(protocol: Protocol, sender: End, payload: int) -> Protocol | None:
-    """The same frame, read by a receiver that knows no message: any id, any size up to ``payload`` is taken.
+    """Return the same frame format for a receiver without messages: it accepts any id, and any size up to ``payload``.
 
     None where such a receiver cannot be: the id tells the size or seeds the check, or delimiters stand around bytes
     that are not stuffed, so that not every content can be carried.

@@ -1,4 +1,5 @@
-"""How long good frames wait behind a false start: bytes that look like a header and make the receiver wait for more."""
+"""Computes how long intact frames wait after a false start: bytes that look like a header, so that the receiver waits
+for more."""
 
 from __future__ import annotations
 

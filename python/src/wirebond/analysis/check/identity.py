@@ -1,4 +1,4 @@
-"""What makes frames hard to tell apart: ids with two meanings, start bytes that values are full of."""
+"""Finds frames that are hard to distinguish: ids with two meanings, start bytes that are frequent in values."""
 
 from __future__ import annotations
 

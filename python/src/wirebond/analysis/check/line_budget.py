@@ -1,4 +1,4 @@
-"""How much of the line the schedule takes in each direction, start, parity and stop bits counted."""
+"""Computes how much of the line the schedule uses in each direction, including start, parity and stop bits."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Budget:
 
     @property
     def share(self) -> float:
-        """Of the line; above 1 more is to be sent than it carries."""
+        """The share of the line. Above 1: more than the line can carry."""
         return sum(load.byte_rate for load in self.loads) / self.capacity
 
     @property
@@ -84,7 +84,8 @@ def _longest(protocol: Protocol, sender: End, message: Message) -> int:
 
 
 def scheduled_loads(protocol: Protocol) -> list[Load]:
-    """What the file's `every` makes of the line. The reply to a scheduled request is due as often as the request."""
+    """Return the load of the file's `every` on the line. The reply to a scheduled request is as frequent as the
+    request."""
     rates: dict[tuple[End, str], float] = {}
     for message in protocol.messages:
         if message.every is None:

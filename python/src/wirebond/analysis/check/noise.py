@@ -40,12 +40,12 @@ class Noise:
 
     @property
     def at_most(self) -> float:
-        """Where none was found: the rate that 95 % of such measurements stay below (rule of three)."""
+        """If none was found: the rate that 95 % of such measurements stay below (rule of three)."""
         return self.measured if self.frames else 3 / self.bytes * 1e6
 
     @property
     def best(self) -> float:
-        """What was counted; where nothing was, what is worked out."""
+        """The measured rate, or the computed one if nothing was found."""
         return self.measured if self.frames else self.expected or 0.0
 
     def as_dict(self) -> dict[str, Any]:

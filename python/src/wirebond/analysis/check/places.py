@@ -1,4 +1,4 @@
-"""Where in a protocol file the things stand that findings speak of."""
+"""Finds the place in a protocol file that a finding is about."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Places:
         return place
 
     def part(self, kind: str, index: int = 0) -> Place:
-        """Of the frame's part of this kind, the ``index``-th if there are several."""
+        """Return the place of the frame's part of this kind: the ``index``-th one if there are several."""
         found = [place for key, place in self._parts() if key == kind]
         return found[index] if index < len(found) else self.at("frame")
 

@@ -42,7 +42,7 @@ _THOROUGH = 20  # times as many
 
 @dataclass(frozen=True)
 class Report:
-    """What the lint found in one protocol. ``findings`` are worst first."""
+    """The result of the lint for one protocol. ``findings`` are sorted, worst first."""
 
     findings: tuple[Finding, ...]
     strength: Strength

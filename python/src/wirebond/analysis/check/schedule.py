@@ -13,7 +13,7 @@ _LOST_FRAMES = 2  # periods within a deadline: one lost frame must not trip it
 
 
 def period_of(protocol: Protocol, name: str) -> float | None:
-    """How often a message is due: by its own `every`, or as the reply to a request that has one."""
+    """Return the period of a message: its own `every`, or that of the request that it answers."""
     periods = [m.every for m in protocol.messages if m.every is not None and name in (m.name, m.reply)]
     return min(periods, default=None)
 

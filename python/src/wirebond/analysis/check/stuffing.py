@@ -1,4 +1,4 @@
-"""Whether a stuffed frame is accepted after a zero byte slipped in at one of its ends."""
+"""Finds stuffed frames that are accepted after a zero byte was inserted at one of their ends."""
 
 from __future__ import annotations
 

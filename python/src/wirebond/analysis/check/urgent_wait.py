@@ -1,4 +1,4 @@
-"""How long an urgent frame waits behind a run of bytes that the sender's DMA has begun."""
+"""Computes how long an urgent frame waits for a run of bytes that the sender's DMA has begun."""
 
 from __future__ import annotations
 

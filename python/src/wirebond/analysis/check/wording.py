@@ -1,4 +1,4 @@
-"""How the findings and figures write numbers."""
+"""Formats numbers for findings and figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is wrong with a line, in words: by its last bytes, and only where they speak for it."""
+"""Finds out what is wrong with a line from its last bytes, and reports only causes with evidence."""
 
 from wirebond.analysis.diagnosis.finding import Diagnosis, Kind
 from wirebond.analysis.diagnosis.line import diagnose, diagnose_dump

@@ -1,4 +1,4 @@
-"""What may be wrong with a line, in words."""
+"""The causes that a diagnosis can find, in words."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is wrong with a line, from its last bytes. Pure: bytes and times in, sentences out.
+"""Finds out what is wrong with a line from its last bytes. Pure: bytes and times in, sentences out.
 
 A healthy line gives nothing. Where something is wrong and nothing explains it, that is said, and no cause is guessed.
 """
@@ -38,7 +38,7 @@ _TEXT = re.compile(rb"[\x20-\x7e]{8,}")
 
 
 def diagnose(link: Link, seconds: float = math.inf) -> list[Diagnosis]:
-    """What is wrong with this link's line, by its last bytes; nothing where it is healthy. Any thread; it may take a
+    """Return what is wrong with this link's line, by its last bytes. Empty if it is healthy. Any thread; it may take a
     second or two.
 
     :param link: an open one, or one that was just closed.
@@ -61,7 +61,7 @@ def diagnose(link: Link, seconds: float = math.inf) -> list[Diagnosis]:
 
 
 def diagnose_dump(dump: Dump, baud: int, seconds: float = math.inf) -> list[Diagnosis]:
-    """The same from a copy of the bytes.
+    """Do the same for a copy of the bytes.
 
     :param dump: what ``Link.dump`` gives.
     :param baud: the link's rate.
@@ -122,7 +122,7 @@ def _has_reply(codec: Codec, name: str) -> bool:
 
 
 def _echo(dump: Dump) -> Diagnosis | None:
-    """What the host sent comes back."""
+    """Detect a line that returns the host's own bytes."""
     sent = [e for e in dump.entries if e.direction == "sent" and e.kind == "frame" and len(e.bytes) >= 4]
     own = {e.bytes for e in sent if e.message is not None and e.message.sender == dump.role}
     times = [e for e in sent if e.bytes in own]
@@ -167,7 +167,7 @@ def _collisions(dump: Dump) -> Diagnosis | None:
 
 
 def _resets(dump: Dump, seconds: float) -> Diagnosis | None:
-    """The same start-up text, or the MCU's hello, again and again."""
+    """Detect the same start-up text, or the MCU's hello, again and again."""
     texts: defaultdict[bytes, list[float]] = defaultdict(list)
     for entry in dump.entries:
         if (entry.direction, entry.kind) == ("received", "discarded"):

@@ -26,8 +26,8 @@ class LiveDiagnosis:
         self._told: set[Kind] = set()
 
     def found(self) -> list[Diagnosis]:
-        """What is wrong now. A finding stays until two looks in a row find nothing, so that it does not flicker. Never
-        waits."""
+        """Return the current findings. A finding stays until two examinations in a row do not find it, so that it does
+        not flicker. Never waits."""
         if self._thread is not None and not self._thread.is_alive():
             self._thread = None
             self._next = time.monotonic() + _EVERY
@@ -42,8 +42,8 @@ class LiveDiagnosis:
         return self._found
 
     def changed(self) -> list[Diagnosis] | None:
-        """What is wrong now, where it is something else than the last time; empty: nothing any more. None: no change.
-        Never waits."""
+        """Return the current findings if they changed since the last call; empty: none any more. None: no change. Never
+        waits."""
         found = self.found()
         if (kinds := {one.kind for one in found}) == self._told:
             return None

@@ -1,4 +1,4 @@
-"""What a line with several formats carries of one of them."""
+"""Separates one of several formats on a line from the others."""
 
 from __future__ import annotations
 

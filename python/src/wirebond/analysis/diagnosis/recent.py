@@ -12,8 +12,8 @@ _QUESTIONS = 1.0  # seconds of what was sent that are kept beside: replies may n
 
 
 def recent(dump: Dump, seconds: float) -> Dump:
-    """What came, and what was sent, in the last seconds. Of frames that began before them, all. The port stays up
-    since its last byte, where that is longer ago."""
+    """Return the bytes received and sent in the last seconds, with whole frames that began earlier. The last time at
+    which the port came up is kept."""
     since = dump.t - seconds
     if not dump.pieces or dump.pieces[0].t >= since:
         return dump
@@ -39,6 +39,6 @@ def _size_before(dump: Dump, direction: str, t: float) -> int:
 
 
 def _without_old_ports(pieces: list[Piece]) -> list[Piece]:
-    """Of what the port did before the first byte, the last."""
+    """Return the pieces, with only the last port event before the first byte."""
     first = next((at for at, piece in enumerate(pieces) if not piece.kind.startswith("port")), len(pieces))
     return pieces[max(0, first - 1) :]

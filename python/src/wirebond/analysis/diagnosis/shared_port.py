@@ -1,4 +1,4 @@
-"""What another program does to the port of a link: it reads from it too, or changes its settings."""
+"""Detects another program at the port of a link: it also reads from it, or changes its settings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a UART makes of bytes that were sent at another rate, or with another parity: bits sampled in their middle."""
+"""Simulates a UART with another rate or parity than the sender's: bits are sampled in their middle."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _parity(bits: list[int], parity: Parity) -> list[int]:
 
 
 def _falling_edge(levels: list[int], at: float) -> int | None:
-    """Where the next start bit begins: the line must be high before it."""
+    """Return where the next start bit begins: the line must be high before it."""
     place = math.floor(at)
     end = len(levels)
     while place < end and levels[place] == 0:

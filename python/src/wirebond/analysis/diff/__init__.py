@@ -1,4 +1,4 @@
-"""What a changed protocol file breaks: the comparison of two protocols, at each end and in each direction."""
+"""Finds out what a changed protocol file breaks: compares two protocols, at each end and in each direction."""
 
 from wirebond.analysis.diff.change import Change, Effect, Flow, Verdict
 from wirebond.analysis.diff.compare import Comparison, compare

@@ -46,7 +46,7 @@ def strangers(sent: Protocol, read: Protocol, sender: End) -> str:
 
 
 def miscounts(sides: Sides) -> str:
-    """What a receiver counts wrongly by the sender's sequence numbers; every frame still arrives."""
+    """Return what a receiver counts incorrectly by the sender's sequence numbers; every frame still arrives."""
     sending, reading = (plan_for(side, sides.flow.sender) for side in (sides.sender, sides.receiver))
     if reading.sequence is None:
         return ""
@@ -63,7 +63,7 @@ def _has_replies(protocol: Protocol) -> bool:
 
 
 def same_number(sending: Plan, reading: Plan, place: int) -> HeaderNumber | None:
-    """What the sender writes where the receiver reads its field at ``place``: of the first form of each."""
+    """Return the sender's field where the receiver reads its field at ``place``, in the first form of each."""
     wanted = _entry(reading.forms[0], place)
     if wanted is None:
         return None

@@ -1,4 +1,4 @@
-"""What two files say beside frames and messages: the line, deadlines, the stop, services, texts."""
+"""Compares two files apart from frames and messages: the line, deadlines, the stop, services, texts."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def _key(deadline: Deadline) -> tuple[str, End, str]:
 
 
 def _strikes(deadline: Deadline, routes: list[Sides]) -> list[Effect]:
-    """Where the sender's rhythm is slower than this deadline of the new file."""
+    """Return the effects if the sender's period is longer than this deadline of the new file."""
     here = tuple(s for s in routes if not s.flow.from_new and s.flow.receiver == deadline.at)
     both = tuple(s for s in here if any(m.name == deadline.message and carries(s, m) for m in s.sender.messages))
     return too_slow(deadline.message, both)
@@ -144,7 +144,7 @@ def _services(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterator[Cha
 
 
 def _unserved(service: Service, routes: list[Sides], *, from_new: bool) -> list[Effect]:
-    """Of a service that only the sender knows."""
+    """Return the effects of a service that only the sender has."""
     return [
         Effect(s.flow, not from_new, f"the {s.receiving} does nothing with {service.name}")
         for s in routes

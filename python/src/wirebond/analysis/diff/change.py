@@ -1,4 +1,4 @@
-"""What a comparison is made of: directions between an old end and a new one, changes, and what a change does there.
+"""The parts of a comparison: directions between an old and a new end, changes, and their effects.
 
 What was added can wait until both ends know it, and is compatible. What was removed or changed cannot: an end with the
 old file goes on as before.
@@ -86,7 +86,7 @@ def all_sides(old: Protocol, new: Protocol) -> list[Sides]:
 
 @dataclass(frozen=True)
 class Effect:
-    """What a change does to frames of one direction. Where it does not break, it is worth knowing."""
+    """The effect of a change on frames of one direction. It may be worth knowing even if it breaks nothing."""
 
     flow: Flow
     breaks: bool

@@ -30,7 +30,7 @@ class Comparison:
 
 
 def compare(old: Protocol, new: Protocol) -> Comparison:
-    """What the change from ``old`` to ``new`` does to a link whose ends have one of them each."""
+    """Return the effect of the change from ``old`` to ``new`` on a link with one end of each."""
     one, other = _without_order_of_a_byte(old), _without_order_of_a_byte(new)
     routes = all_sides(one, other)
     changes = [

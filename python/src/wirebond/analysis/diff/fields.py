@@ -112,7 +112,7 @@ def _in_place_of_zeros(fields: Fields, where: Where, *, is_new: bool) -> Iterato
 
 
 def zeros_or_ignored(sides: Sides, name: str, *, is_new: bool) -> Effect:
-    """Of a value that only one of the two files has, at a place that both have.
+    """Return the effect for a value that only one of the files has, at a place that both have.
 
     Zeros that are read break what was there before, and not what is new.
     """
@@ -187,7 +187,7 @@ def _other_type(a: Field, b: Field, where: Where) -> Change:
 
 
 def _misread(sent: Field, read: Field, sides: Sides) -> Effect:
-    """Of another type: only whole numbers of one size can agree, as far as both types reach."""
+    """Return the effect of another type: only integers of one size can agree, within the range of both types."""
     if sent.digits is not None and sent.digits == read.digits:
         return _misspelled(sent, read, sides)
     binary = all(one.is_integer and one.coding.is_binary for one in (sent, read))
@@ -206,7 +206,7 @@ def _misread(sent: Field, read: Field, sides: Sides) -> Effect:
 
 
 def _misspelled(sent: Field, read: Field, sides: Sides) -> Effect:
-    """Of digits that mean the same number, as far as the reader's type reaches."""
+    """Return the effect of other digits for the same number, within the range of the reader's type."""
     least, greatest = read.whole_limits
     low, high = _sent_numbers(sent)
     if least <= low and high <= greatest:
@@ -226,7 +226,7 @@ def _sent_numbers(field: Field) -> tuple[int, int]:
 
 
 def _amount_changes(a: Field, b: Field, old: Fields, new: Fields, where: Where) -> Iterator[Change]:
-    """How many elements or bytes there are, and what tells it."""
+    """Yield the changes in the number of elements or bytes, and in how they are counted."""
     if (a.count or 1, a.size) != (b.count or 1, b.size) and not (a.is_list or b.is_list):
         if a.is_characters and (a.size == 0) != (b.size == 0):
             yield _other_amount(where, "always as many bytes" if b.size else "a varying number of bytes")
@@ -348,7 +348,7 @@ def _meet(one: BitMember, other: BitMember) -> bool:
 
 
 def number_changes(a: Field, b: Field, where: Where) -> Iterator[Change]:
-    """Of two numbers with as many bits at one place."""
+    """Yield the changes between two numbers with the same bits at the same place."""
     if field_type(a) != field_type(b):
         yield _other_type(a, b, where)
     else:

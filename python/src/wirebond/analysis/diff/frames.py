@@ -47,7 +47,8 @@ def _around(old: FrameFormat, new: FrameFormat, routes: list[Sides]) -> Iterator
 
 
 def _envelope(plan: Plan) -> tuple[object, ...]:
-    """What must agree. A receiver does without the delimiter before a frame where it is the same as the one behind."""
+    """Return the parts that must be equal. A receiver does not need the delimiter before a frame if it is equal to the
+    one after it."""
     stuffing = plan.stuffing, plan.escapes, plan.insertion, plan.length_on_wire
     return plan.framing, plan.opening, plan.closing, *stuffing, plan.plain_front, plan.plain_back
 
@@ -72,7 +73,7 @@ def _envelope_text(frame_format: FrameFormat) -> str:
 
 @dataclass(frozen=True)
 class _Step:
-    """What one difference does to the list of parts: ``old[a:b]`` became ``new[c:d]``."""
+    """One difference between the lists of parts: ``old[a:b]`` became ``new[c:d]``."""
 
     a: int
     b: int
@@ -116,7 +117,7 @@ def _parts(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterator[Change
 
 
 def _with(sides: Sides, only: Protocol) -> Sides:
-    """The same direction where the new file is the old one but for one difference."""
+    """Return the same direction with a new file that has only this one difference."""
     return replace(sides, new=only)
 
 
@@ -215,7 +216,7 @@ def _padded(form: Form, size: int) -> int:
 
 
 def _shape(form: Form, plan: Plan) -> dict[str, Any]:
-    """What both ends must agree on: not the names and the values of the header's fields."""
+    """Return the facts on which both ends must agree: not the names and values of header fields."""
     shape: dict[str, Any] = asdict(form)
     del shape["header"]
     for rule in shape["checks"]:

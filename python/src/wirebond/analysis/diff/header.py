@@ -37,7 +37,7 @@ def _place(parts: tuple[Part, ...], name: str) -> tuple[str | int, ...]:
 
 
 def _swapped(sides: Sides) -> str:
-    """Which field of the sender is read as another one that the sender has, too; empty if none is."""
+    """Name the sender's field that the receiver reads as another field of the sender; empty if there is none."""
     sending, reading = (plan_for(side, sides.flow.sender) for side in (sides.sender, sides.receiver))
     for place, field in enumerate(reading.header):
         entry = same_number(sending, reading, place)

@@ -125,7 +125,7 @@ def _strikes(sides: Sides, name: str) -> str:
 
 
 def _unknown(sides: Sides, message: Message) -> str:
-    """What a receiver makes of a message whose id it does not know."""
+    """Describe the receiver's reaction to a message with an unknown id."""
     receiver = sides.receiver.format
     if not receiver.deliver_unknown:
         return f"the {sides.receiving} discards its frames as unknown_message, and looks through their bytes"
@@ -187,7 +187,7 @@ def _other_sender(old: Message, new: Message, routes: list[Sides]) -> Change:
 
 
 def _identity(message: Message) -> str:
-    """What its frames have: ``id 0x01``, ``id 0x80..0xff with kind 1``."""
+    """Return the identity of its frames: ``id 0x01``, ``id 0x80..0xff with kind 1``."""
     if message.ids is not None:
         number = f"id {match_text(message.ids).replace('0x', '#').lower().replace('#', '0x')}"
     else:
@@ -233,7 +233,7 @@ def _other_rate(old: Message, new: Message, routes: tuple[Sides, ...]) -> Change
 
 
 def too_slow(name: str, routes: tuple[Sides, ...]) -> list[Effect]:
-    """Where a receiver's deadline is shorter than its sender's rhythm."""
+    """Return the effects if a receiver's deadline is shorter than its sender's period."""
     effects = []
     for sides in routes:
         sent = next((m for m in sides.sender.messages if m.name == name), None)
@@ -261,7 +261,7 @@ def period(seconds: float | None) -> str:
 
 
 class _Tail:
-    """What a receiver makes of a payload of another size, by what its frame tells it."""
+    """The receiver's reaction to a payload of another size, by how its frame gives the size."""
 
     def __init__(self, old: Message, new: Message) -> None:
         self._old = old

@@ -12,7 +12,7 @@ from wirebond.protocol.model import Field, OnRange
 
 
 def value_changes(a: Field, b: Field, where: Where) -> Iterator[Change]:
-    """Of two fields with the same bytes: what these mean, and what is refused."""
+    """Yield the changes between two fields with the same bytes: their meaning, and which values are refused."""
     if (a.scale, a.offset) != (b.scale, b.offset):
         yield _other_scale(a, b, where)
     if a.unit != b.unit:

@@ -1,4 +1,4 @@
-"""Where fields that are compared lie, and which way they travel."""
+"""The place of the compared fields, and their direction."""
 
 from __future__ import annotations
 

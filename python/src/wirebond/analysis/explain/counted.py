@@ -1,4 +1,5 @@
-"""How many bytes a payload may have, as the counts in it tell. Read field by field, without the engine's offsets."""
+"""Computes the possible payload sizes from the counts in a payload. Read field by field, without the engine's
+offsets."""
 
 from __future__ import annotations
 

@@ -50,7 +50,8 @@ from wirebond.protocol.spelling import choices_text
 
 @lru_cache(maxsize=256)
 def _meant(key: Heard[tuple[Message, ...]]) -> list[Message]:
-    """Of messages that share an id, those that only a request tells are not meant: no request is known here."""
+    """Return the candidates among messages that share an id. Those that only a request identifies are excluded, because
+    no request is known here."""
     dependent = told_by_request(key.of, key.sender)
     return [m for m in key.of if m.sent_by(key.sender) and m.name not in dependent]
 
@@ -332,7 +333,7 @@ class _Examination:
         return at
 
     def _counted_bytes(self, step: List | Characters, places: dict[str, tuple[int, Step]], prefix: int) -> int:
-        """What the elements of a list take: its first count tells it, and another one agrees."""
+        """Return the size of a list's elements: by its first count, if another one agrees."""
         one = step.field
         size, room = (step.stride, one.max_count) if isinstance(step, List) else (1, one.max_size)
         amount: int | None = None
@@ -436,8 +437,8 @@ class _Examination:
         self._rule(Question.CHECK, index, same_check(part, expected, found), *shown, cause, extent)
 
     def _on_wire(self, part: Part, places: list[tuple[int, int]], block: bytes) -> bytes:
-        """What a check covers before unstuffing: from the end of the stuffed parts on, all is as far from the block's
-        end as from the frame's."""
+        """Return the bytes that a check covers before unstuffing. After the stuffed parts, distances from the block's
+        end and from the frame's end are equal."""
         grown = len(block) - len(self.data)
         behind = max(index for index, other in enumerate(self.parts) if not other.is_plain) + 1
         edges = [start for start, _ in places] + [len(self.data)]

@@ -288,7 +288,7 @@ class _Stretches:
         )
 
     def _region_end(self, stop: int) -> int:
-        """Where the discarded bytes end that begin before ``stop``."""
+        """Return the end of the discarded bytes that begin before ``stop``."""
         while stop in self._scan.blamed:
             stop += 1
         return stop
@@ -299,7 +299,8 @@ class _Stretches:
         return min(sum(part.size for part in form.parts) for form in forms(self._protocol, self._sender))
 
     def _rows(self, case: Case, verdict: Verdict, content: Unstuffed, begin: int) -> tuple[Row, ...]:
-        """Where the payload lies may need a second look, with the constants taken as they are."""
+        """Return the rows. A second examination that accepts the constants as they are may be needed to find the
+        payload."""
         second_look = verdict
         if verdict.payload is None:
             changed = constants_as_found(case)

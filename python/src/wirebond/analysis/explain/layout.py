@@ -1,4 +1,4 @@
-"""Where the parts of a frame lie, and how a part's value stands on the wire. Written from the model alone."""
+"""Computes the places of a frame's parts, and the bytes of a part's value. Written from the model alone."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ def id_text(parts: tuple[Part, ...], number: int) -> str:
 
 
 def run_value(part: Part, number: int, role: BitRole) -> int:
-    """What a number part means as this: itself, or its run of bits."""
+    """Return the value of a number part in this role: the whole number, or its run of bits."""
     run = next((run for run in part.bits if run.role == role), None)
     return number if run is None else number >> run.shift & run.mask
 
 
 def spans(parts: tuple[Part, ...], payload_size: int) -> list[tuple[int, int]]:
-    """Where each part begins and ends."""
+    """Return where each part begins and ends."""
     found = []
     at = 0
     for part in parts:
@@ -95,7 +95,7 @@ def covered_bytes(parts: tuple[Part, ...], index: int, data: bytes, places: list
 
 
 def found_check(parts: tuple[Part, ...], index: int, data: bytes, places: list[tuple[int, int]]) -> bytes:
-    """What a frame has as its check; of a run of bits the number, the highest byte first."""
+    """Return the check of a frame. For a run of bits: its number, highest byte first."""
     run = parts[index].in_bits
     start, stop = places[index if run is None else index - 1]
     if run is None:
@@ -116,7 +116,7 @@ def with_check(parts: tuple[Part, ...], index: int, data: bytes, places: list[tu
 
 
 def check_value(part: Part, covered: bytes, seed: int) -> bytes:
-    """What a check part holds on the wire when it covers these bytes."""
+    """Return the bytes of a check part over these covered bytes."""
     assert part.algorithm is not None
     size = part.size // 2 if part.as_hex else part.size
     value = checksum(part.algorithm, covered + bytes([seed]) if part.seeded else covered) >> part.shift
@@ -155,7 +155,7 @@ def fixed_bits(part: Part, choices: tuple[Choice, ...]) -> tuple[int, int]:
 
 
 def shift_of(part: Part, choice: Choice) -> int | None:
-    """Where the number that a choice is about begins in this part; None where it is not in it."""
+    """Return the position of a choice's number in this part, or None if it is not in it."""
     if choice.subject == Subject.ID and part.kind == PartKind.ID:
         return 0
     if choice.subject == Subject.FIELD and part.header is not None and part.header.name == choice.name:

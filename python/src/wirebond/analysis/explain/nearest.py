@@ -93,7 +93,7 @@ _SOLVED = _Family(0.05, lambda _: iter(()), Changes.CHECK)  # its guesses follow
 
 @dataclass(frozen=True)
 class Search:
-    """What was found, best first. ``complete``: nothing was left out for want of time."""
+    """The result of a search, best first. ``complete``: nothing was skipped for lack of time."""
 
     guesses: tuple[FittingGuess, ...]
     tried: int
@@ -148,7 +148,8 @@ def join(first: Search, second: Search) -> Search:
 
 
 def repaired(case: Case) -> str:
-    """What the frame would say if only its check values were wrong, and those values; empty where that is not so."""
+    """Return the reading of the frame with corrected check values, and those values. Empty if its checks are not the
+    only fault."""
     if case.failed_check is None or case.verdict is None or case.verdict.payload is None:
         return ""
     data = case.data

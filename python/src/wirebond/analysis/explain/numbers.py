@@ -39,7 +39,7 @@ def number_of(field: Field, raw: int) -> ReadNumber:
 
 
 def whole_number(field: Field, wire: int) -> ReadNumber:
-    """The same by the number on the wire, whose sign is known."""
+    """Do the same for a number on the wire with a known sign."""
     if field.flags:
         return _flags(field, wire)
     if field.enum:

@@ -107,12 +107,12 @@ def words_of(part: Part) -> PartWords:
 
 
 def meaning(context: Context) -> str:
-    """Of a part whose bytes are all there."""
+    """Return the meaning of a part whose bytes are all present."""
     return words_of(context.part).meaning(context)
 
 
 def rules_of(protocol: Protocol, index: int) -> list[str]:
-    """What a receiver demands of this part."""
+    """Return the receiver's rules for this part."""
     part = protocol.format.parts[index]
     rules = []
     if part.value:

@@ -1,4 +1,4 @@
-"""What an explanation consists of: plain values, for a terminal, JSON or a document. Nothing is worked out here."""
+"""The content of an explanation: plain values, for a terminal, JSON or a document. Nothing is computed here."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 class State(StrEnum):
-    """Of one row: does what stands there hold?"""
+    """Whether the content of a row is right."""
 
     GOOD = "good"  # a rule was applied and holds
     WRONG = "wrong"  # this is where the frame was refused, or a field breaks its rule
@@ -43,7 +43,7 @@ class Applied:
 
 
 class Changes(StrEnum):
-    """What a guess would have changed."""
+    """The changes that a guess makes."""
 
     NOTHING = ""  # in the file: the guess is about this frame alone
     SENDER = "sender"  # whose bytes they are taken for

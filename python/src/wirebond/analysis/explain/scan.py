@@ -93,7 +93,7 @@ def start_bytes(protocol: Protocol, sender: End | None) -> set[int]:
 
 
 def longest_frame(protocol: Protocol, sender: End | None) -> int:
-    """Of all forms of the frame the longest, before stuffing and without delimiters."""
+    """Return the size of the longest form of the frame, before stuffing and without delimiters."""
     longest = 0
     for form in forms(protocol, sender):
         payload = form.parts[payload_index(form.parts)]

@@ -42,7 +42,7 @@ def forms(protocol: Protocol, sender: End | None) -> list[FormParts]:
 
 @dataclass(frozen=True)
 class Shape:
-    """What every candidate asks about a form, and is answered alike."""
+    """The facts about a form that are the same for every candidate."""
 
     form: FormParts
     payload_at: int  # its place among the parts

@@ -31,7 +31,7 @@ def wanted_text(messages: Sequence[Message]) -> str:
 
 
 def found_text(messages: Sequence[Message], told: Told) -> str:
-    """What the frame has where these messages look: ``command 4``."""
+    """Return the frame's values that these messages compare: ``command 4``."""
     texts: dict[str, str] = {}
     for match in (match for message in messages for match in message.match if match.of != MatchOf.ID):
         name = "payload size" if match.of == MatchOf.SIZE else match.name

@@ -38,7 +38,8 @@ def chance_of(values: float, tried: int, together: Together) -> float:
 
 
 def _exactly(k: int, n: int, p: float) -> float:
-    """Of ``n`` independent cases, each with the chance ``p``, ``k`` come true. In logarithms: the factors are huge."""
+    """Return the chance that exactly ``k`` of ``n`` independent cases with chance ``p`` occur. In logarithms: the
+    factors are huge."""
     choices = math.lgamma(n + 1) - math.lgamma(k + 1) - math.lgamma(n - k + 1)
     return math.exp(choices + k * math.log(p) + (n - k) * math.log1p(-p))
 

@@ -91,8 +91,8 @@ class _CutOff(Exception):  # noqa: N818  (an outcome, not an error)
 
 @dataclass
 class _Walk:
-    """Where the next field begins. Fields of varying size take out of ``spare``: what the payload has beyond the least
-    that its message needs, so that each field lies within it whatever the counts on the wire say."""
+    """Finds where each field begins. Fields of varying size use up ``spare``, the bytes that the payload has beyond the
+    minimum of its message. So each field is inside the payload for any counts on the wire."""
 
     payload: bytes
     spare: int
@@ -141,8 +141,8 @@ class _Walk:
                 assert_never(step)
 
     def number_of_elements(self, step: List, promised: int | None) -> int:
-        """How many numbers of a list there are, taken out of ``spare``. A list of groups asks one by one, for groups
-        may vary in size themselves."""
+        """Return how many numbers of a list are present, taken out of ``spare``. A list of groups asks for each one,
+        because groups may vary in size."""
         number = min(_most(step, promised), self.spare // step.stride)
         self.spend(number * step.stride)
         return number
@@ -154,7 +154,7 @@ def _most(step: List, promised: int | None) -> int:
 
 
 def _with_promises(reading: Reading, told: tuple[Told, ...], numbers: Mapping[str, int]) -> Reading:
-    """What each of its counts tells, held against what is there."""
+    """Compare each of its counts with the elements that are present."""
     if not told:
         return reading
     is_string = reading.field.is_string

@@ -1,4 +1,4 @@
-"""What an examination finds out about one candidate: the outcome, and each rule that was applied."""
+"""The result of the examination of one candidate: the outcome, and each applied rule."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Cause(StrEnum):
 
 
 class Question(StrEnum):
-    """What a rule asks."""
+    """The question that a rule asks."""
 
     CONSTANT = "constant"
     CONDITION = "condition"  # a `when` that the form stands for

@@ -6,8 +6,8 @@ from wirebond.codec import Codec
 
 
 def first_refused(codec: Codec, data: bytes, sender: str | None, most: int) -> int:
-    """Where ``most`` bytes begin that hold the first refused ones: at the frame before them. 0 where all bytes fit, or
-    where none is refused. One pass of the decoder.
+    """Return the start of a window of ``most`` bytes that contains the first refused ones: at the frame before them. 0
+    if all bytes fit, or if none is refused. One pass of the decoder.
 
     :param sender: whose bytes they are; None: of either end.
     """

@@ -1,4 +1,4 @@
-"""Which of the known formats is on a wire, by the evidence of its bytes."""
+"""Finds the known format of a line by the evidence of its bytes."""
 
 from wirebond.analysis.identify.formats import Format, Known, format_of, known_formats
 from wirebond.analysis.identify.ranking import FITS, Candidate, rank

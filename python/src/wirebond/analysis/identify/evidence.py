@@ -1,4 +1,4 @@
-"""How much a frame says for its format, in bits: what the format describes shorter than chance does.
+"""Computes the evidence of a frame for its format, in bits: how much more briefly than chance the format describes it.
 
 Chance means: every byte of the stream is drawn by itself, as often as it occurs in the stream. A byte ``b`` then takes
 ``-log2 f(b)`` bits. A format describes a frame with fewer bits: constants, checks and delimiters follow from it. What
@@ -26,7 +26,7 @@ _HEX_DIGITS = b"0123456789ABCDEFabcdef"
 
 @dataclass(frozen=True)
 class Background:
-    """How often each byte value occurs in a stream; half a count more, so that none is impossible."""
+    """The frequency of each byte value in a stream, plus half a count so that none is impossible."""
 
     counts: tuple[int, ...]
     size: int
@@ -55,7 +55,7 @@ def background(data: bytes) -> Background:
 
 
 class Worth:
-    """What frames of one format, from one end, are worth on one stream."""
+    """The evidence of frames of one format, from one end, on one stream."""
 
     def __init__(self, protocol: Protocol, plan: Plan, over: Background, messages: list[Message]) -> None:
         """:param messages: those whose frames are taken for known ones, of either end."""

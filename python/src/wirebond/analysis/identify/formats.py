@@ -58,7 +58,7 @@ def _views(model: Protocol) -> Iterator[View]:
 
 
 def _look(model: Protocol, end: End) -> object:
-    """What a frame of this end looks like; the names of its parts say nothing."""
+    """Return the appearance of this end's frames; the names of parts do not matter."""
     plan = plan_for(model, end)
     forms = tuple(
         replace(form, header=tuple(replace(number, name="", default=0) for number in form.header))
@@ -78,8 +78,8 @@ def _look(model: Protocol, end: End) -> object:
 
 
 def without_silence(model: Protocol) -> Protocol | None:
-    """Where silence ends frames: the same, with the size of each frame told by its message. None: a message's own bytes
-    do not say how long it is. A capture has no times, and a USB adapter hides the silences."""
+    """Return the same format with frame sizes given by the messages instead of by silence, because a capture has no
+    times and a USB adapter hides silences. None: a message's own bytes do not give its size."""
     if not model.format.ends_by_silence:
         return model
     messages = tuple(m for m in model.messages if not any(field.reaches_end for field in m.fields))
@@ -130,7 +130,7 @@ def known_formats(also: Iterable[Path] = ()) -> Known:
 
 @cache
 def _shipped() -> Known:
-    """What comes with the package: read once."""
+    """Return the formats of the package, read once."""
     known = Known()
     own = paths.protocols()
     for place in (own, own / "contrib"):

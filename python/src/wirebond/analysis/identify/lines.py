@@ -21,7 +21,7 @@ _FIRST_LOOK = 256  # bytes
 
 @dataclass(frozen=True)
 class Line:
-    """How a UART is set."""
+    """The settings of a UART."""
 
     baud: int
     parity: Parity = Parity.NONE
@@ -36,7 +36,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Heard:
-    """What one setting gave; ``candidates``: best first."""
+    """The result of one setting; ``candidates``: best first."""
 
     line: Line
     data: bytes
@@ -73,7 +73,7 @@ Listen = Callable[[Line], Iterator[bytes]]
 
 
 def search(lines: Sequence[Line], listen: Listen, formats: Sequence[Format]) -> Iterator[Heard]:
-    """What each setting gives, one after the other, until one leaves no doubt."""
+    """Yield the result of each setting, until one leaves no doubt."""
     for line in lines:
         looked = 0
         data = b""

@@ -20,7 +20,7 @@ _OTHERS = "other messages"
 
 @dataclass(frozen=True)
 class Candidate:
-    """What one format finds in the stream.
+    """The result of one format for the stream.
 
     :ivar evidence: bits by which it describes the stream shorter than chance does, less what the number of formats
         that were tried makes likely.

@@ -30,7 +30,7 @@ class Resized:
 
     @property
     def sentence(self) -> str:
-        """What is off, and what to do."""
+        """The mismatch, and what to do."""
         off = abs(self.size - self.told)
         much = f"{off} byte{'s' * (off != 1)} {'longer' if self.size > self.told else 'shorter'}"
         return (

@@ -1,4 +1,4 @@
-"""Which check fits frames of an unknown format: every algorithm of the catalogue, at every place where checks stand."""
+"""Finds the check of an unknown format: every algorithm of the catalogue, at every usual place."""
 
 from __future__ import annotations
 
@@ -24,8 +24,9 @@ _LEAST_UNLIKE = 4  # contents that a check in the header must cover, and values 
 
 @dataclass(frozen=True)
 class Place:
-    """Where a check stands and what it covers: ``at`` from the frame's end if negative, else from its start. It covers
-    from ``first`` on, up to itself; one that ``looks_ahead``, all from ``first`` bytes behind itself on.
+    """The place of a check and the bytes that it covers. ``at``: from the frame's end if negative, else from its start.
+    It covers the bytes from ``first`` up to itself. One that ``looks_ahead`` covers all bytes from ``first`` after
+    itself.
 
     ``hexadecimal``: two digits stand for each byte.
     """
@@ -38,7 +39,7 @@ class Place:
     looks_ahead: bool = False
 
     def of(self, frame: bytes) -> tuple[bytes, bytes] | None:
-        """What stands there, and what is covered; None where the frame is too short."""
+        """Return the check's bytes and the covered bytes, or None if the frame is too short."""
         width = self.size * (2 if self.hexadecimal else 1)
         begin = self.at + len(frame) if self.at < 0 else self.at
         if begin < 0 or begin + width > len(frame):
@@ -64,7 +65,7 @@ class Check:
     of: int
 
     def holds(self, frame: bytes) -> bool:
-        """Whether this frame has it."""
+        """Return whether the check of this frame is right."""
         return _holds(self.algorithm, self.order, self.place, frame)
 
 

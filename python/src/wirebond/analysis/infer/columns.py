@@ -1,4 +1,4 @@
-"""What the bytes at one place of many frames look like: constant, a counter, one of a few values."""
+"""Classifies the bytes at one place of many frames: constant, a counter, one of a few values."""
 
 from __future__ import annotations
 

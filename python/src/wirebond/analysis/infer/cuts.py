@@ -46,7 +46,7 @@ class Length:
     beside: int
 
     def frame_size(self, data: bytes, start: int) -> int | None:
-        """Of the frame that begins at ``start``; None where the stream ends before."""
+        """Return the size of the frame that begins at ``start``, or None if the stream ends before it does."""
         begin = start + self.at
         found = data[begin : begin + self.size]
         return int.from_bytes(found, self.order) + self.beside if len(found) == self.size else None
@@ -207,7 +207,7 @@ def _by_id(data: bytes, places: Sequence[int], start: int) -> Iterator[Sizes]:
 
 
 def _is_no_accident(frames: int, tried: int, share: float) -> bool:
-    """Whether chance rarely leads from this many of the ``tried`` starts to another start.
+    """Return whether chance rarely leads from this many of the ``tried`` starts to another start.
 
     :param share: part of all places at which a start stands.
     """
@@ -305,7 +305,7 @@ def _inside(raw: bytes, rule: Between) -> bytes:
 
 @cache
 def _reader(rule: Between) -> Codec:
-    """What takes everything between such delimiters for a frame."""
+    """Return a codec that accepts everything between such delimiters as a frame."""
     inside = "[id: u8, payload: rest]" if rule.stuffing == "doubled" else "[payload: rest]"  # one must begin it
     parts = [rule.spelled(inside)] if rule.stuffing else ["payload: rest"]
     parts = [*([f"delimiter: {bytes_text(rule.opening)}"] if rule.opening else []), *parts]

@@ -80,9 +80,9 @@ def _alike(candidates: Sequence[Candidate]) -> list[Candidate]:
 
 
 def _natural(cut: Cut, data: bytes) -> tuple[bool, bool, int, int]:
-    """Of two ways to see the same frames the one that a designer would have chosen: one size for all or a length rather
-    than a table of sizes, delimiters rather than constants. Constants between two frames may end the one or begin the
-    next: the bytes were most likely taken from a frame's beginning to a frame's end, and else constants begin one."""
+    """Rank two readings of the same frames by what a designer would have chosen: one size or a length rather than a
+    table of sizes, delimiters rather than constants. Constants between two frames may end one or begin the next: the
+    capture most likely begins and ends with whole frames; otherwise constants begin a frame."""
     edges = data.startswith(cut.frames[0]) + data.endswith(cut.frames[-1]) if cut.by_start else 0
     return not isinstance(cut.rule, Sizes), not cut.by_start, edges, -len(cut.tail)
 

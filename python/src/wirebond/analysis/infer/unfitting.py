@@ -1,4 +1,4 @@
-"""What can be said of bytes that no known format fits as its file says."""
+"""Describes bytes that no known format fits as its file says."""
 
 from __future__ import annotations
 

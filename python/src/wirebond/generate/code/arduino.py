@@ -1,4 +1,4 @@
-"""What makes a generated folder a library of Arduino and of PlatformIO: their manifests."""
+"""Makes the manifests that turn a generated folder into a library for Arduino and PlatformIO."""
 
 from __future__ import annotations
 

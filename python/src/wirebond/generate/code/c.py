@@ -68,14 +68,14 @@ def c_texts(protocol: Protocol) -> dict[str, str]:
 
 
 def link_in_c(protocol: Protocol) -> LinkView:
-    """What the link at the MCU is called in C: its types, functions and handlers."""
+    """Return the C names of the link at the MCU: its types, functions and handlers."""
     link = _view(protocol)["link"]
     assert isinstance(link, LinkView)
     return link
 
 
 def _view(protocol: Protocol) -> dict[str, object]:
-    """What the templates of C ask for."""
+    """Return the values for the C templates."""
     names = Names(protocol.name)
     constants = {
         word: names.constant(word)
@@ -256,7 +256,7 @@ def _deadlines(protocol: Protocol, names: Names, end: End) -> DeadlinesView | No
 
 @dataclass(frozen=True)
 class ReceiverView:
-    """What one end receives from the other."""
+    """The messages that one end receives from the other."""
 
     source: str  # in C++
     sender: str
@@ -311,7 +311,7 @@ def _receiver_view(
     views: list[MessageView],
     watches: list[DeadlinesView | None],
 ) -> ReceiverView:
-    """Of what ``end`` sends; the other end watches its deadlines meanwhile."""
+    """Return the view of the messages that ``end`` sends; the other end watches its deadlines."""
     type_name, handlers_type, prefix = names_of
     largest = protocol.max_wire_bytes(sender=end)
     listens = names_receiver(protocol, end)

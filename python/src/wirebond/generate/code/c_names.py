@@ -24,12 +24,12 @@ C_TYPES = frozenset({"size_t", *(f"{sign}int{bits}_t" for sign in ("", "u") for 
 
 
 def header_name(protocol: str) -> str:
-    """What the C header and the .cpp beside it are called, without the ending."""
+    """Return the name of the C header and of the .cpp next to it, without the ending."""
     return protocol + "_protocol" if protocol in SYSTEM_HEADERS else protocol
 
 
 def link_name(protocol: str) -> str:
-    """The same for the link's header and source."""
+    """Return the same for the link's header and source."""
     return protocol + "_link"
 
 
@@ -69,7 +69,7 @@ class Names:
         return not suffix or not (candidate.endswith("_t") and candidate in self._taken)
 
     def prefix_of(self, *words: str) -> str:
-        """What constants begin with that ``words`` group."""
+        """Return the prefix of the constants that ``words`` groups."""
         return "_".join((self._prefix, *map(code_name, words))).upper()
 
     def constant(self, *words: str) -> str:

@@ -47,7 +47,7 @@ class CStruct:
 
 @dataclass
 class Declarations:
-    """What a header declares for its structs, in the order in which C wants to see it."""
+    """The declarations of a header for its structs, in the order that C needs."""
 
     constants: list[Constants]
     limits: list[tuple[str, str]]  # name, literal
@@ -82,7 +82,7 @@ class Declarer:
         self._found = Declarations([], [], [])
 
     def take(self) -> Declarations:
-        """What was declared since the last call."""
+        """Return the declarations since the last call."""
         found, self._found = self._found, Declarations([], [], [])
         return found
 

@@ -1,4 +1,4 @@
-"""How the generated C++ asks the MCU's link for what the counters service sends."""
+"""Generates the C++ that fills the counters service from the MCU's link."""
 
 from __future__ import annotations
 

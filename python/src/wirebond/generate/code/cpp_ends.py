@@ -1,4 +1,4 @@
-"""What each end of a link is in C++: what it receives and sends, its deadlines and its versions."""
+"""The C++ view of each end of a link: its received and sent messages, its deadlines and its versions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class RulesView:
 
 
 def rules_views(protocol: Protocol, plan: Plan) -> tuple[RulesView, ...]:
-    """Of all messages of the plan that have any, by rising index."""
+    """Return the rules of all messages of the plan that have any, by increasing index."""
     found = []
     for row in sorted(plan.messages, key=lambda row: row.index):
         constants = tuple(f"{{{c.at}, {c.behind}, 0x{c.mask:02X}, 0x{c.value:02X}}}" for c in row.rules.constants)
@@ -150,7 +150,7 @@ def versions_view(protocol: Protocol) -> VersionsView | None:
 
 @dataclass(frozen=True)
 class EndView:
-    """What a link at one end needs to know."""
+    """The facts that a link at one end needs."""
 
     end: str
     name: str

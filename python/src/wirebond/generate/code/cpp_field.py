@@ -16,7 +16,7 @@ _WHOLE_SIZES = (1, 2, 4, 8)
 
 @dataclass(frozen=True)
 class Slot:
-    """Where on the wire a value lies."""
+    """The place of a value on the wire."""
 
     place: str  # `payload + 4`; of a bit field, the variable that holds the bits
     index: str = "0"  # of a packed element
@@ -102,7 +102,7 @@ def hex_literal(value: int, size: int) -> str:
 
 
 def member_comment(spec: Field, bits: str = "") -> str:
-    """What a member's line says behind it; ``bits``: the struct of its flags."""
+    """Return the comment after a member; ``bits``: the struct of its flags."""
     facts = [spec.unit] if spec.unit else []
     if spec.clock is not None:
         facts.append("when its values were measured, on the MCU's clock")
@@ -128,7 +128,7 @@ def member_comment(spec: Field, bits: str = "") -> str:
 
 
 def _coding(spec: Field) -> str:
-    """How the bits of a whole number mean it; empty where they are plain binary."""
+    """Return the coding of an integer's bits; empty for plain binary."""
     name = spec.coding.cpp
     return "" if name == UNSIGNED.cpp else f"wirebond::Coding::{name}"
 
@@ -148,7 +148,7 @@ def _coded_arguments(spec: Field, type_name: str) -> str:
 
 
 class _Limit(Enum):
-    """What a bound is compared with."""
+    """The value that a bound is compared with."""
 
     SENT = auto()  # a value to send
     RECEIVED = auto()  # a received value

@@ -93,7 +93,7 @@ def _same(spec: Field, a: str, b: str) -> str:
 
 
 def _as_carried(spec: Field, value: float | int | bool | str) -> float | int | bool | str:
-    """Of a scaled integer the value that the wire carries: a receiver compares it with what it decoded."""
+    """Return the value of a scaled integer as it is on the wire: a receiver compares it with the decoded value."""
     if not spec.is_integer or not spec.is_scaled or isinstance(value, str):
         return value
     return float(spec.wire_number(value) * spec.scale + spec.offset)

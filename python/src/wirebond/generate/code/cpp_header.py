@@ -109,7 +109,7 @@ def _read_lines(member: Member, place: int) -> list[str]:
 
 @dataclass(frozen=True)
 class AddressView:
-    """What frames of one sender say about whose and for whom they are: constants of its source."""
+    """The addresses in one sender's frames: constants of its source."""
 
     type_name: str
     most: str
@@ -126,7 +126,7 @@ def address_type(protocol: Protocol) -> str:
 
 
 def address_view(protocol: Protocol, sender: End) -> AddressView | None:
-    """Of the frames that ``sender`` sends; None where the header has no address."""
+    """Return the addresses in the frames of ``sender``, or None if the header has none."""
     type_name = address_type(protocol)
     if not type_name:
         return None

@@ -1,4 +1,4 @@
-"""What tells messages apart beside their ids, in C++: as the receiver asks, and as the sender is checked."""
+"""Generates the C++ that distinguishes messages by more than their ids, for receivers and for checks of the sender."""
 
 from __future__ import annotations
 

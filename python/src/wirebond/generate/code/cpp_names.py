@@ -1,4 +1,4 @@
-"""What the messages of a file are called in C++: their structs, their ids."""
+"""The C++ names of a file's messages: their structs, their ids."""
 
 from __future__ import annotations
 
@@ -38,6 +38,6 @@ def id_literal(protocol: Protocol, value: int) -> str:
 
 
 def no_id_literal(protocol: Protocol) -> str:
-    """What stands for the id of a message without one."""
+    """Return the literal for the id of a message without one."""
     no_id = plan_for(protocol, End.HOST).no_id
     return hex_literal(no_id, 4) if no_id else id_literal(protocol, 0)

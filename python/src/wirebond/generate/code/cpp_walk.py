@@ -1,4 +1,4 @@
-"""Where the values of a message lie in its payload, for the lines that write, read and check them.
+"""Finds the places of a message's values in its payload, for the lines that write, read and check them.
 
 A place in the payload is ``payload`` and a number known here. Where fields of varying size lie before it, ``payload``
 itself is moved on by what they take beyond their least; so these lines read like those of plain messages.
@@ -17,7 +17,7 @@ from wirebond.protocol.model.layout import Step
 
 @dataclass(frozen=True)
 class Here:
-    """Where a struct lies: in the message, and in its payload."""
+    """The place of a struct: in the message, and in its payload."""
 
     value: str = "message"
     at: int = 0

@@ -1,4 +1,4 @@
-"""Whether generated files are what would be generated now. Nothing is written here."""
+"""Compares generated files with those that would be generated now. Nothing is written here."""
 
 from __future__ import annotations
 

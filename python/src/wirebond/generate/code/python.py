@@ -52,7 +52,7 @@ def python_files(protocol: Protocol, out: Path) -> dict[str, str]:
 
 
 def module_name(protocol: Protocol) -> str:
-    """What the module is called: a module of the standard library must not be hidden by it."""
+    """Return the name of the module. It must not hide a module of the standard library."""
     return protocol.name + "_protocol" if protocol.name in sys.stdlib_module_names else protocol.name
 
 
@@ -250,7 +250,7 @@ def _comment(spec: Field) -> str:
 
 
 def _default(spec: Field, kind: str, inner: StructBlock | None) -> str:
-    """What a field is where it is left out, as the engine's `encode` has it; empty where it must be given."""
+    """Return the value of an omitted field, as in the engine's `encode`; empty if it must be given."""
     if spec.is_string:
         empty: Default = "" if spec.value_type is str else b""
         given = empty if spec.default is None else spec.default

@@ -1,4 +1,4 @@
-"""What a protocol's messages are in ROS 2: names, types, constants, comments. No file, no bytes."""
+"""The ROS 2 form of a protocol's messages: names, types, constants, comments. No file, no bytes."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Definition:
 
     @property
     def text(self) -> str:
-        """What stands in its .msg file."""
+        """Return the text of its .msg file."""
         lines = [f"# {self.comment}"] if self.comment else []
         for member in self.members:
             lines += [""] if lines else []
@@ -119,7 +119,7 @@ def package_name(protocol: Protocol) -> str:
 
 
 def field_name(name: str) -> str:
-    """What a field is called in ROS: lower case, no word of a language, no underscore at the end."""
+    """Return the name of a field in ROS: lower case, not a keyword, no underscore at the end."""
     found = code_name(name)
     is_taken = identifier(found) != found or keyword.iskeyword(found) or found in _RESERVED | _C_KEYWORDS
     return f"{found}_value" if is_taken else found

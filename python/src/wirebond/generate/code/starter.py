@@ -24,7 +24,7 @@ _STREAMS = {
 
 
 def starter_path(out: Path, uart: str, language: str) -> Path:
-    """Where the file goes: into ``Core/Src`` beside the generated folder, as CubeMX has it, or beside that folder.
+    """Return the path of the file: in ``Core/Src`` next to the generated folder, as in CubeMX, or next to that folder.
 
     :raises UsageError: ``uart`` is no UART's name.
     """
@@ -78,7 +78,7 @@ def _in_cpp(protocol: Protocol) -> dict[str, object]:
 
 
 def _wiring(uart: str) -> dict[str, object]:
-    """What is connected to it, where the port does without the HAL: on an F4, or by the first channels of a G4."""
+    """Return the connections of a UART for a port without the HAL: those of an F4, or the first channels of a G4."""
     dma, receive, transmit = _STREAMS.get(uart, (1, 1, 2))
     carrier = f"DMA{dma}_{'Stream' if uart in _STREAMS else 'Channel'}"
     names = f"{uart}, DMA{dma}, {carrier}{receive}, {receive}, {carrier}{transmit}, {transmit}, {uart}_IRQn"
@@ -96,7 +96,7 @@ def _ending(language: str) -> str:
 
 
 def _prefix_and_handle(uart: str) -> tuple[str, str]:
-    """Of ``USART3``: the beginning of the file's functions, ``usart3``, and CubeMX's handle, ``huart3``."""
+    """Return for ``USART3`` the prefix of the file's functions, ``usart3``, and CubeMX's handle, ``huart3``."""
     match = re.fullmatch(r"(LP)?US?ART([0-9]+)", uart)
     if match is None:
         raise UsageError(

@@ -148,7 +148,7 @@ def _stuffing(frame_format: FrameFormat) -> list[str]:
 
 
 def _sized(frame_format: FrameFormat) -> str:
-    """What the length counts, where it ends a stuffed frame."""
+    """Describe the length of a stuffed frame that it ends."""
     if not frame_format.is_sized:
         return ""
     return f" The length counts the bytes {'as they are sent' if frame_format.length_on_wire else 'before that'}."

@@ -1,4 +1,4 @@
-"""What the frame's own named fields mean: a table for people who write the other end."""
+"""Describes the frame's own named fields: a table for people who write the other end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a struct's members lie in bytes, and the fields that a message makes of them."""
+"""Computes the places of a struct's members in bytes, and the fields that a message makes of them."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def struct_size(struct: Struct) -> int:
 
 @cache
 def number_of_fields(struct: Struct) -> int:
-    """Of the message that it makes, those of the structs in it counted each time."""
+    """Return the number of fields in the message; those of nested structs count each time."""
     return sum(number_of_fields(m.type) if isinstance(m.type, Struct) else 1 for m in struct.members)
 
 

@@ -86,7 +86,7 @@ def _key(name: str) -> tuple[str, ...]:
 
 
 def sender_of(name: str) -> End | None:
-    """What the name suggests; None where it suggests nothing, or both."""
+    """Return the sender that the name suggests; None if it suggests none, or both."""
     words = set(words_of(name))
     from_host, from_mcu = bool(words & _FROM_HOST), bool(words & _FROM_MCU)
     if from_host == from_mcu:

@@ -1,4 +1,4 @@
-"""What a C header says before its declarations are read: comments, directives, simple macros, attributes.
+"""Processes a C header before its declarations are read: comments, directives, simple macros, attributes.
 
 No preprocessor: headers are not followed, and conditions are decided only where they ask whether a name is defined.
 Whoever needs more gives the output of the compiler's own (`cc -E -P header.h`), which passes here unchanged. Every

@@ -223,7 +223,7 @@ def _is_long(enum: Enum) -> bool:
 
 
 def _enum_text(enum: Enum) -> str:
-    """Of names with one value the first stays: a number has one name in a message."""
+    """Keep the first of several names with one value: a number has one name in a message."""
     seen: set[int] = set()
     pairs = []
     for name, value in names.enumerator_words(enum.values):

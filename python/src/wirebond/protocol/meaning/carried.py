@@ -1,4 +1,4 @@
-"""Whether a message has a form of the frame for each of its ids and for its sizes."""
+"""Checks that a form of the frame exists for each id and size of a message."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def _has(form: Form, match: Match) -> bool:
 
 
 def _asked(form: Form, field: HeaderNumber) -> list[Choice]:
-    """What the form asks of this field."""
+    """Return the form's conditions on this field."""
     fixed = Choice(Subject.FIELD, field.name, field.fixed_mask, ((field.fixed_value, field.fixed_value),))
     return [fixed, *(held.choice for held in form.choices if held.choice.number == fixed.number)]
 

@@ -94,7 +94,7 @@ class _Reader:
     # ---- what is said on top of it
 
     def _validate_options(self, base: Algorithm) -> None:
-        """What this kind of check does not have."""
+        """Refuse options that this kind of check does not have."""
         for keys, kinds, what in (
             (_CRC_ALONE, (CheckKind.CRC,), "a CRC"),
             (("carry",), (CheckKind.SUM,), "a sum"),

@@ -1,4 +1,4 @@
-"""How many elements or bytes a field has: a number of the file, or earlier fields that count them."""
+"""Reads the number of elements or bytes of a field: a number in the file, or earlier fields that count them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Amount:
     asked_by: str = ""
 
     def options(self) -> dict[str, Any]:
-        """What it becomes in the model, beside a fixed number."""
+        """Return the model's options for it, except for a fixed number."""
         return {key: value for key, value in vars(self).items() if key != "fixed"}
 
 
@@ -93,7 +93,7 @@ class Counting:
         return Amount(counted_by=syntax.elements, bytes_counted_by=syntax.bytes or "", asked_by=asked_by)
 
     def _counts(self, name: str, place: Place, in_bytes: bool) -> bool:
-        """Whether the field of this name can tell the number, or the bytes."""
+        """Return whether the field of this name can count the elements, or the bytes."""
         field = self._found(name, place)
         if field is None:
             return False
@@ -162,7 +162,7 @@ def _paths(field: Field) -> list[str]:
 
 
 def mark_counts(fields: dict[str, Field]) -> dict[str, Field]:
-    """The same fields, those that count others marked."""
+    """Return the same fields, with those that count others marked."""
     counting = {name for one in fields.values() for name, _ in one.counters}
     if not counting:
         return fields

@@ -1,4 +1,4 @@
-"""Which bytes a text must not have in it: the delimiters of a frame whose bytes are sent as they are."""
+"""Finds the bytes that a text must not contain: the delimiters of a frame that is not stuffed."""
 
 from __future__ import annotations
 

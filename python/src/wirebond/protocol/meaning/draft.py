@@ -32,7 +32,7 @@ STRONG_CHECK_BITS = 16  # from here on a frame of unknown id is taken for a newe
 
 @dataclass(frozen=True)
 class Envelope:
-    """What stands around the parts: delimiters, stuffing, silence."""
+    """The envelope around the parts: delimiters, stuffing, silence."""
 
     delimiter: bytes | None = None
     opening: bytes | None = None
@@ -65,7 +65,7 @@ class Draft:
 
     @property
     def forbidden_first(self) -> bytes:
-        """What the first byte of a frame may not be, where a doubled byte alone opens it."""
+        """Return the values that the first byte of a frame must not have if a doubled byte alone opens it."""
         return (self.envelope.delimiter or b"") if self.envelope.opens_alone else b""
 
     @property
@@ -92,7 +92,7 @@ class Draft:
         return max((*wholes, *runs), default=0)
 
     def has_id_from(self, end: End, *, always: bool = False) -> bool:
-        """Whether frames of this end have an id, some or all: a part may stand in those of one magic only."""
+        """Return whether some or all frames of this end have an id: a part may belong to one magic only."""
         found = [form.id is not None for form in forms(self.parts, end)]
         return all(found) if always else any(found)
 
@@ -289,7 +289,8 @@ def delivers_unknown(draft: Draft, unknown: str | None, problems: Problems, plac
 
 
 def validate_first_bytes(draft: Draft, messages: Messages, problems: Problems) -> None:
-    """Where a doubled byte alone opens a frame that begins with its id, no id may look like the rest of a delimiter."""
+    """If a doubled byte alone opens a frame that begins with its id: refuse ids that look like the rest of a
+    delimiter."""
     first, taken = draft.parts[0], draft.forbidden_first
     if first.kind != PartKind.ID or not taken:
         return

@@ -1,4 +1,4 @@
-"""What stands around a frame's parts: delimiters, stuffing, silence. The parts themselves are not looked at."""
+"""Reads the envelope around a frame's parts: delimiters, stuffing, silence. The parts themselves are not examined."""
 
 from __future__ import annotations
 
@@ -254,7 +254,7 @@ def stuffed_parts(syntax: Syntax, node: Node) -> list[tuple[PartSyntax, Mapping]
 
 
 def _advice(stuffed: Outer) -> str:
-    """How a delimited frame is written, with the stuffing that stands there."""
+    """Show how to write a delimited frame with this stuffing."""
     kinds: dict[type[Syntax], tuple[str, str]] = {SlipPart: ("0xC0", "slip"), HdlcPart: ("0x7E", "hdlc")}
     byte, word = kinds.get(type(stuffed[0][0]), ("0x00", "cobs")) if stuffed else ("0x00", "cobs")
     return f"write `- delimiter: {byte}`, `- {word}: [...]`, `- delimiter: {byte}`"

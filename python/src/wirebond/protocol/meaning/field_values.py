@@ -1,4 +1,4 @@
-"""Whether a value of the file fits a field, and which values the field's wire type can carry."""
+"""Checks whether a value in the file fits a field, and which values the field's wire type can carry."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ _NOT_CONSTANT = (
 
 
 def _sorts(wire_type: WireType) -> set[str]:
-    """What a type is, for `_OPTIONS`: its kind, its coding, a number, a string."""
+    """Return the properties of a type for `_OPTIONS`: its kind, its coding, a number, a string."""
     found = {wire_type.kind.value}
     if wire_type.is_integer:
         found.add(wire_type.coding.name)
@@ -92,7 +92,7 @@ def read_bit_field(
 
 
 class ValueReader:
-    """What all kinds of value have in common."""
+    """Reads the properties that all kinds of values share."""
 
     def __init__(self, syntax: NumberSyntax, wire_type: WireType, node: Mapping, problems: Problems) -> None:
         self._syntax = syntax
@@ -106,7 +106,7 @@ class ValueReader:
         self._good = False
 
     def _common(self, name: str) -> dict[str, Any]:
-        """What the options of every value become."""
+        """Return the model's form of the options that every value has."""
         syntax = self._syntax
         return {
             "name": name,
@@ -142,7 +142,7 @@ class ValueReader:
         return Field(**{**vars(field), "default": value})
 
     def _means_something(self, field: Field) -> bool:
-        """Whether its options fit its type and each other."""
+        """Return whether its options fit its type and each other."""
         self._validate_scale(field)
         if self._good:
             self._validate_range(field)
@@ -285,7 +285,7 @@ def _as_constant(field: Field, wire: int) -> Field:
 
 
 def _scale_faults(field: Field) -> Iterator[tuple[str, str]]:
-    """What scale and offset make of the numbers on the wire, where that is more than a float of their type can hold."""
+    """Yield faults of scale and offset: values beyond those that a float of the type can hold."""
     greatest = max(abs(bound) for bound in value_limits(field))
     if not field.is_float and greatest > F64.greatest:
         yield "scale", "with this scale the greatest value is beyond a double; scale less"

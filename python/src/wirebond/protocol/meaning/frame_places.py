@@ -1,4 +1,4 @@
-"""Which part may stand where in a frame, and whether a receiver can tell its forms apart."""
+"""Checks the order of parts in a frame, and whether a receiver can distinguish its forms."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What must hold of a whole frame with its envelope, so that a receiver can read it."""
+"""Checks the rules for a whole frame with its envelope, so that a receiver can read it."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def _validate_sized(draft: Draft, wrong: Wrong) -> None:
 
 
 def _validate_first(draft: Draft, wrong: Wrong) -> None:
-    """Where a doubled byte alone opens a frame, the first byte behind it tells that it does."""
+    """If a doubled byte alone opens a frame: check that the byte after it shows this."""
     if not draft.envelope.opens_alone:
         return
     first, taken = draft.parts[0], draft.forbidden_first

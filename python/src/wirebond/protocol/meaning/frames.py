@@ -219,7 +219,7 @@ class _FrameReader:
 
     @staticmethod
     def _run_node(node: Mapping, name: str) -> tuple[Mapping, Place]:
-        """What stands behind a run's name, and where the name stands."""
+        """Return the value of a run's name, and the place of the name."""
         fields = node.get("fields")
         assert isinstance(fields, Mapping)
         value = fields.get(name)
@@ -279,7 +279,7 @@ class _FrameReader:
         return self._with_magic(found, [node for _, node in inner])
 
     def _with_magic(self, parts: list[Part], nodes: list[Mapping]) -> list[Part]:
-        """Where a frame begins with one of several magics, the magic is a header field."""
+        """Make the magic a header field if a frame can begin with one of several magics."""
         magic = magic_field(tuple(parts))
         if magic is None:
             return parts

@@ -144,7 +144,7 @@ def _one(field: Field) -> str:
 
 
 def _counted_wrong(owner: str, fields: tuple[Field, ...], values: Mapping_[str, GivenValue]) -> str:
-    """What is wrong between the fields that count and what they count; empty: nothing."""
+    """Return the fault between counting fields and the fields that they count; empty: none."""
     told: dict[str, tuple[int, str]] = {}
     for field in fields:
         for counter, step in field.counters:

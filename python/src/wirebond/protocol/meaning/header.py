@@ -19,8 +19,8 @@ _Read = tuple[HeaderField, bool]
 
 
 def read_header_part(name: str, syntax: FieldPart, node: Mapping, order: ByteOrder, problems: Problems) -> _Read:
-    """What a `field` part means, and whether all is well with it. What is wrong is reported; the result is a field all
-    the same, so that what refers to it can be read.
+    """Read a `field` part, and return whether it is correct. Faults are reported; the result is a field in any case, so
+    that references to it can be read.
     """
     return _HeaderReader(syntax, syntax.type, node, problems).read(name, syntax.type.order or order)
 

@@ -18,7 +18,7 @@ class Shown:
 
 
 class LogTextError(ValueError):
-    """What is wrong with the text, in a sentence."""
+    """A fault in the text, as a sentence."""
 
 
 def log_pieces(text: str) -> tuple[str | Shown, ...]:
@@ -48,7 +48,8 @@ def log_pieces(text: str) -> tuple[str | Shown, ...]:
 
 
 def log_fault(text: str, fields: Sequence[Field] | None) -> str:
-    """What is wrong with this text for a message of these fields, or an empty text. None: they are wrong themselves."""
+    """Return the fault of this text for a message with these fields; empty: none. None: the fields themselves are
+    wrong."""
     if not text.strip():
         return "a log line says something; write for example `log: motor {motor} is too hot`"
     if not text.isprintable():

@@ -1,4 +1,4 @@
-"""What tells messages apart beside one id: several ids, header fields, numbers of the payload and its size."""
+"""Reads what distinguishes messages besides one id: several ids, header fields, numbers of the payload and its size."""
 
 from __future__ import annotations
 
@@ -252,7 +252,7 @@ def _begins(draft: Draft, ids: Match, byte: int) -> bool:
 
 
 def _validate_moment(draft: Draft, matched: list[tuple[Entry, Message]], problems: Problems) -> None:
-    """Where the message tells the payload's size, it must be known before the payload."""
+    """If the message determines the payload's size: check that it is known before the payload."""
     if draft.payload.payload != PayloadRule.BY_ID:
         return
     for entry, message in matched:

@@ -180,7 +180,7 @@ def read_emergency_stop(
 
 @dataclass(frozen=True)
 class _Role:
-    """What a service expects of the message in one of its roles."""
+    """The requirements of a service for the message in one of its roles."""
 
     service: str
     role: str
@@ -222,7 +222,7 @@ def read_services(node: Node | None, messages: Messages, problems: Problems) -> 
 
 
 def _kind(field: Field) -> str:
-    """What a service may ask of a field."""
+    """Return the kind of a field, as services name it."""
     if not field.is_integer:
         return field.kind.value
     return "signed" if field.coding.is_signed else field.coding.name

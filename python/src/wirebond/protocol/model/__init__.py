@@ -1,4 +1,4 @@
-"""What a protocol file means, after loading: plain immutable values, all units SI, all defaults filled in.
+"""The meaning of a protocol file after loading: plain immutable values, all units SI, all defaults filled in.
 
 Nothing here reads a file, and nothing here knows how a frame is found or laid out in memory (see ``plan``).
 """

@@ -25,7 +25,7 @@ class ByteOrder(StrEnum):
 
 
 class BitOrder(StrEnum):
-    """Which bit of a byte, or of a number, comes first."""
+    """The order of bits in a byte or in a number."""
 
     LOW = "low"
     HIGH = "high"
@@ -55,8 +55,8 @@ _VALUE_TYPES = {
 
 @dataclass(frozen=True)
 class Digits:
-    """How a whole number is sent in characters: decimal digits with a point before the last ``decimals``, or hex
-    digits. A negative one begins with `-`."""
+    """The form of an integer in characters: decimal digits with a point before the last ``decimals``, or hex digits. A
+    negative number begins with `-`."""
 
     base: int = 10
     decimals: int = 0
@@ -74,7 +74,7 @@ class Digits:
 
 
 class OnRange(StrEnum):
-    """What the handler's side does with a received value outside its range."""
+    """The receiver's reaction to a value outside its range."""
 
     REJECT = "reject"
     CLAMP = "clamp"
@@ -138,7 +138,7 @@ class Field:
 
     @property
     def constant_bytes(self) -> bytes:
-        """What a constant that begins and ends with a byte is on the wire."""
+        """Return the bytes of a constant that begins and ends at a byte boundary."""
         return (self.constant or 0).to_bytes(self.size, "big" if self.order == ByteOrder.BIG else "little")
 
     @property
@@ -181,7 +181,7 @@ class Field:
 
     @property
     def double_slack(self) -> Fraction | int:
-        """How far a double may lie beyond a bound, and be taken for the bound itself."""
+        """Return how far a double may exceed a bound and still count as the bound itself."""
         return 0 if self.is_float or self.is_exact_in_double else self.lost_digits(53)
 
     @property
@@ -230,7 +230,7 @@ class Field:
 
     @property
     def float_format(self) -> FloatFormat:
-        """Of a float."""
+        """Return the format of a float."""
         return next(one for one in FLOATS if one.size == self.size)
 
     @property

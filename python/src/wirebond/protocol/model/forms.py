@@ -1,4 +1,4 @@
-"""Which forms a frame can take: each is a set of parts, and what must be so for a frame to have them. No offsets."""
+"""The forms of a frame: each is a set of parts, with the conditions for it. No offsets."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Intervals = tuple[tuple[int, int], ...]  # rising and apart, both bounds include
 
 @dataclass(frozen=True)
 class Choice:
-    """What must be so for a frame to have a form: ``subject & mask`` lies in one of ``allowed``.
+    """A condition for a form: ``subject & mask`` is in one of the intervals ``allowed``.
 
     ``subject`` is a header field, the id or the payload's size: what a magic and a sender decide is decided.
     """
@@ -89,7 +89,7 @@ def _parts_of_forms(parts: tuple[Part, ...], sender: End | None) -> tuple[FormPa
 
 
 def own_forms(parts: tuple[Part, ...], sender: End | None) -> int:
-    """How many of the forms have the header's default values: the first ones."""
+    """Return how many of the forms have the header's default values: the first ones."""
     defaults = {field.name: field.default_bits(sender) for field in header_fields(parts)}
     return sum(
         all(choice.holds(defaults[choice.name]) for choice in form.choices if choice.subject == Subject.FIELD)
@@ -262,7 +262,7 @@ def meet(one: Intervals, other: Intervals) -> Intervals:
 
 
 def complement(allowed: Intervals, most: int) -> Intervals:
-    """What of 0 to ``most`` is not in ``allowed``."""
+    """Return the numbers from 0 to ``most`` that are not in ``allowed``."""
     found = []
     low = 0
     for start, stop in allowed:

@@ -30,7 +30,7 @@ class PayloadRule(StrEnum):
 
 
 class LengthCounts(StrEnum):
-    """What a length number counts; ``offset`` of the part comes on top."""
+    """The bytes that a length counts; the part's ``offset`` is added."""
 
     PAYLOAD = "payload"
     REST = "rest"  # all that follows the length
@@ -46,7 +46,7 @@ class CheckKind(StrEnum):
 
 
 class OddTail(StrEnum):
-    """What becomes of bytes behind the last whole word, where a check runs over words."""
+    """The treatment of bytes after the last whole word, for a check over words."""
 
     PAD = "pad"  # zero bytes complete the word
     XOR = "xor"  # each byte is combined with the register by exclusive-or
@@ -88,7 +88,7 @@ class Algorithm:
 
 
 class BitRole(StrEnum):
-    """What a run of bits inside a header byte is."""
+    """The role of a run of bits inside a header byte."""
 
     ID = "id"
     LENGTH = "length"
@@ -130,7 +130,7 @@ class HeaderField:
         return self.value.name
 
     def default(self, sender: End | None) -> HeaderDefault:
-        """What ``sender`` sends; the host's where the sender is not known, or both."""
+        """Return the default that ``sender`` sends; the host's if the sender is unknown, or both."""
         return self.mcu_default if sender == End.MCU else self.host_default
 
     def default_bits(self, sender: End | None) -> int:
@@ -158,7 +158,7 @@ class Bits:
 
 
 class Subject(StrEnum):
-    """What a condition compares."""
+    """The value that a condition compares."""
 
     FIELD = "field"  # of the header, as bits on the wire
     ID = "id"
@@ -187,7 +187,7 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Condition:
-    """When a part is there: all of ``terms`` hold; ``negated``: not all of them."""
+    """The condition for a part: all of ``terms`` are true; ``negated``: not all of them."""
 
     terms: tuple[Comparison | Condition, ...]
     negated: bool = False
@@ -236,17 +236,17 @@ class Part:
 
     @property
     def check_bits(self) -> int:
-        """Of a check: how many bits of its value are sent."""
+        """For a check: how many bits of its value are sent."""
         return self.in_bits.width if self.in_bits is not None else (4 if self.as_hex else 8) * self.size
 
     @property
     def covered(self) -> tuple[int, ...]:
-        """Of a check: indices of the parts that it covers, in its order."""
+        """For a check: indices of the covered parts, in its order."""
         return tuple(index for first, last in self.ranges for index in range(first, last + 1))
 
     @property
     def last_covered(self) -> int:
-        """Of a check: index of the last part that it covers; -1: none is left."""
+        """For a check: index of the last covered part; -1: none is left."""
         return max((last for first, last in self.ranges if first <= last), default=-1)
 
 

@@ -22,7 +22,7 @@ class Queue(StrEnum):
 
 
 class LogLevel(StrEnum):
-    """How severe a log line is, in the order of the log service's numbers."""
+    """The severity of a log line, in the order of the log service's numbers."""
 
     DEBUG = "debug"
     INFO = "info"
@@ -31,7 +31,7 @@ class LogLevel(StrEnum):
 
 
 class MatchOf(StrEnum):
-    """What tells a message's frames from those of others."""
+    """What distinguishes a message's frames from those of others."""
 
     ID = "id"
     HEADER = "header"  # a header field, as bits on the wire

@@ -22,14 +22,14 @@ class Recover(StrEnum):
 
 
 class Start(StrEnum):
-    """What a deadline with ``recover: explicit`` does from the MCU's start on."""
+    """The state of a deadline with ``recover: explicit`` after a start of the MCU."""
 
     READY = "ready"  #: its message acts
     HELD = "held"  #: it has struck already: its message is held back until somebody recovers
 
 
 class Mismatch(StrEnum):
-    """What the MCU does with commands of a host that said another protocol hash."""
+    """The MCU's treatment of commands from a host with another protocol hash."""
 
     HOLD_BACK = "hold_back"
     ACT = "act"
@@ -173,7 +173,7 @@ class Protocol:
 
     @property
     def pause_seconds(self) -> float:
-        """Where silence ends a frame: what a sender leaves the line silent between two frames; else 0.
+        """If silence ends a frame: how long a sender keeps the line silent between two frames; else 0.
 
         More than the silence, so that a receiver that looks every millisecond sees it from its beginning to its end.
         """

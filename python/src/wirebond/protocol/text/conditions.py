@@ -1,4 +1,4 @@
-"""How a condition is written: ``kind in [ping, 3..5] and not (size > 255)``. What its names mean is not known here."""
+"""Parses a condition: ``kind in [ping, 3..5] and not (size > 255)``. The meaning of its names is not known here."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def parse(text: str) -> ConditionText:
 
 
 def parse_values(text: str) -> tuple[tuple[ValueText, ValueText], ...]:
-    """What stands behind `in`: a value, a range, or a list of these. Raises the error of a wrong value."""
+    """Parse the text after `in`: a value, a range, or a list of these. Raises the error of a wrong value."""
     return _Parser(text).values()
 
 
@@ -169,7 +169,7 @@ class _Parser:
         return ConditionText((found,), negated=True) if operator in ("!=", "not in") else found
 
     def _validate_magic(self, at: int) -> None:
-        """What follows is bytes, unless it is something else altogether."""
+        """Check that bytes follow."""
         stop = at
         while stop < len(self._tokens) and _NUMBER.fullmatch(self._tokens[stop]):
             stop += 1

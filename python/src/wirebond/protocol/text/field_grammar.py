@@ -70,7 +70,7 @@ Counter = Annotated[str, PlainValidator(_counter, json_schema_input_type=_Counte
 
 
 class CountSyntax(Syntax):
-    """What tells how many elements there are."""
+    """The number of elements."""
 
     noun = "`count`"
 
@@ -98,7 +98,7 @@ ElementCount = Annotated[
 
 
 class NumberSyntax(Syntax):
-    """What every number may say about itself."""
+    """The properties of every number."""
 
     scale: Exact | None = Field(None, description="value = number on the wire * scale + offset.", examples=[0.001])
     offset: Exact | None = Field(None, description="value = number on the wire * scale + offset.", examples=[0])
@@ -116,7 +116,7 @@ class NumberSyntax(Syntax):
 
 
 class ValueSyntax(NumberSyntax):
-    """What every kind of value in a payload may say about itself."""
+    """The properties of every kind of value in a payload."""
 
     on_range: Annotated[str | None, one_word("reject", "clamp")] = Field(
         None,
@@ -280,7 +280,7 @@ class StructSyntax(Syntax):
 
 
 class GroupSyntax(Syntax):
-    """How often a group occurs, and its fields."""
+    """The number of elements of a group, and its fields."""
 
     noun = "`group`"
 

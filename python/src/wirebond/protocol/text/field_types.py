@@ -100,7 +100,7 @@ def _container_type(value: object) -> WireType:
 
 
 def is_field_type(word: str) -> bool:
-    """Whether the word is a type, such as `u16be`, `i5` or `text`."""
+    """Return whether the word is a type, such as `u16be`, `i5` or `text`."""
     return word in _WHOLE_TYPES or word in _ANY_WIDTH
 
 

@@ -139,7 +139,7 @@ class IdPart(PartSyntax):
 
 
 class PayloadPart(PartSyntax):
-    """Where the message's fields stand, and how the payload's size is known."""
+    """The place of the message's fields, and how the payload's size is determined."""
 
     noun = "a `payload` part"
     trim_zeros: Bool = Field(
@@ -171,7 +171,7 @@ class ReservedPart(PartSyntax):
 
 
 class HeaderSyntax(NumberSyntax):
-    """What a number of the header may say about itself."""
+    """The properties of a number of the header."""
 
     default: HeaderDefault | None = Field(
         None,

@@ -111,7 +111,7 @@ class Link(Syntax):
 
 
 class MessageHead(Syntax):
-    """What a message says about itself, without its fields."""
+    """The properties of a message, without its fields."""
 
     noun = "a message"
 
@@ -199,7 +199,7 @@ class RecoverMessageSyntax(GivenMessageSyntax):
 
 
 class DeadlineSyntax(Syntax):
-    """What happens when a message stays away."""
+    """The action when a message stays away."""
 
     noun = "a deadline"
 

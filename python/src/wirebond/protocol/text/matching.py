@@ -1,4 +1,4 @@
-"""How a message says what its frames have: a value, a list, a range or a mask, for an id or under `match`."""
+"""Parses what a message requires of its frames: a value, a list, a range or a mask, for an id or under `match`."""
 
 from __future__ import annotations
 

@@ -82,8 +82,8 @@ def _text(value: object) -> str:
 
 
 def in_schema(kind: Any) -> BeforeValidator:
-    """What the published schema allows in this place: also the short forms, which are written out before they come to
-    the grammar (see ``short_forms``)."""
+    """Mark what the published schema allows in this place, including short forms, which are expanded before the grammar
+    sees them (see ``short_forms``)."""
     return BeforeValidator(lambda value: value, json_schema_input_type=kind)
 
 
@@ -167,7 +167,7 @@ DefaultValue = Annotated[
 
 @dataclass(frozen=True)
 class EndDefaults:
-    """What each end sends where no value is given, as the file gives it."""
+    """The defaults of each end, as the file gives them."""
 
     host: Any
     mcu: Any

@@ -17,7 +17,7 @@ _Change = Callable[[Node], Node]
 
 
 def written_out(root: Node) -> Node:
-    """The same file without short forms. What was a text keeps its place."""
+    """Return the same file without short forms. Text keeps its place."""
     if not isinstance(root, Mapping):
         return root
     types = root.get("types")
@@ -82,7 +82,7 @@ def _service(service: Node) -> Node:
 
 
 def _each(change: _Change) -> _Change:
-    """Of a function of values: one that changes every value of a mapping."""
+    """Return a function that changes every value of a mapping."""
 
     def changed(node: Node) -> Node:
         if not isinstance(node, Mapping):
@@ -93,7 +93,7 @@ def _each(change: _Change) -> _Change:
 
 
 def _under(key: str, change: _Change) -> _Change:
-    """Of a function of values: one that changes the value of this key, where there is one."""
+    """Return a function that changes the value of this key, if it exists."""
 
     def changed(node: Node) -> Node:
         if not isinstance(node, Mapping) or key not in node.entries:

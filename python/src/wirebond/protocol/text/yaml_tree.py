@@ -81,12 +81,12 @@ class Mapping:
         return None if entry is None else entry.value
 
     def key_place(self, key: str) -> Place:
-        """Where the key stands; the mapping's own place if it has no such key."""
+        """Return the place of the key; the mapping's own place if it has no such key."""
         entry = self.entries.get(key)
         return self.place if entry is None else entry.key_place
 
     def value_place(self, key: str) -> Place:
-        """Where the key's value stands; the mapping's own place if it has no such key."""
+        """Return the place of the key's value; the mapping's own place if it has no such key."""
         entry = self.entries.get(key)
         return self.place if entry is None else entry.value.place
 
@@ -216,7 +216,7 @@ def _advice(what: str) -> str:
 
 
 def _advice_at(text: str, what: str, place: Place, context: Any) -> str:
-    """What to do about it, with what the lines there tell."""
+    """Return the advice for this problem, using the lines there."""
     lines = text.splitlines()
     line = lines[place.line - 1].strip() if 0 < place.line <= len(lines) else ""
     if "expected <block end>" in what and re.match(r"-[A-Za-z_]", line):

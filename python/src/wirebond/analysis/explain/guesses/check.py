@@ -212,7 +212,7 @@ def _with_itself_as_zeros(case: Case, failed: _Failed, around: Ranges) -> Guess 
 
 
 def byte_orders(case: Case) -> Guesses:
-    """The same check with its bytes the other way round, or with another byte of its value."""
+    """Try the same check with swapped bytes, or with another byte of its value."""
     failed = _failed(case)
     if failed is None:
         return
@@ -239,7 +239,7 @@ def seeds(case: Case) -> Guesses:
 
 
 def _other_spelling(part: Part) -> list[Part]:
-    """The same value otherwise put on the wire."""
+    """Return other ways to put the same value on the wire."""
     assert part.algorithm is not None
     if part.as_hex or part.as_decimal:
         return []

@@ -66,7 +66,7 @@ def lost_byte(case: Case) -> Guesses:
 
 
 def terminal_driver(case: Case) -> Guesses:
-    """What a tty does that is not in raw mode."""
+    """Try the changes that a tty makes if it is not in raw mode."""
     for block, text in _translations(case):
         if block != case.block:
             yield _changed(case, block, text, _RAW_TTY)

@@ -57,7 +57,7 @@ def _swapped(order: ByteOrder) -> ByteOrder:
 
 
 def other_sender(case: Case) -> Guesses:
-    """The same bytes from the other end, or from either."""
+    """Try the same bytes from the other end, or from either."""
     if case.sender is None:
         return
     other = receiver_of(case.sender)

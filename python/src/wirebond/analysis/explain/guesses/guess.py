@@ -118,7 +118,7 @@ def test(guess: Guess) -> Fitting | None:
 
 
 def evidence(verdict: Verdict, before: Verdict | None = None) -> int:
-    """How many values the frame's checks together can take: the reciprocal of a chance hit.
+    """Return how many values all checks of the frame together can have: the reciprocal of a chance hit.
 
     Checks that held ``before`` the guess prove nothing for it and do not count.
     """
@@ -132,7 +132,7 @@ def evidence(verdict: Verdict, before: Verdict | None = None) -> int:
 
 
 def distinct_values(part: Part, covered: int) -> int:
-    """How many values a check can take over this many bytes: the high byte of a short sum takes few."""
+    """Return how many values a check can have over this many bytes: the high byte of a short sum has few."""
     values = 1 << part.check_bits
     if part.algorithm is not None and part.algorithm.kind == CheckKind.SUM:
         values = min(values, (255 * max(covered, 1) >> part.shift) + 1)

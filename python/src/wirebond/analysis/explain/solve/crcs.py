@@ -65,7 +65,7 @@ def _linear(values: Sequence[int], width: int) -> Iterator[tuple[Sequence[int], 
 
 
 def _common_divisor(pairs: Sequence[tuple[bytes, int]], width: int) -> int:
-    """What the polynomial divides, whatever ``init`` and the final xor are.
+    """Return a number that the polynomial divides, for any ``init`` and final xor.
 
     Of two frames, message times x^width plus register differ by a multiple of the polynomial plus ``init`` times
     x^length plus x^length'. Of two such differences, each times the other's lengths, ``init`` vanishes.
@@ -86,7 +86,8 @@ def _common_divisor(pairs: Sequence[tuple[bytes, int]], width: int) -> int:
 
 
 def _beginnings(pairs: Sequence[tuple[bytes, int]], polynomial: int, width: int) -> Iterator[int]:
-    """What the register may begin with: the usual ones, and what follows from frames of several lengths."""
+    """Yield possible first values of the register: the usual ones, and those that follow from frames of several
+    lengths."""
     yield 0
     yield (1 << width) - 1
     rest = [

@@ -22,7 +22,7 @@ class LastSteps:
 
 @dataclass(frozen=True)
 class _Kind:
-    """Which steps there may be. ``plus``: any addend. ``xors``: what the bits of the final xor may be."""
+    """The possible last steps. ``plus``: any addend. ``xors``: the possible bits of the final xor."""
 
     plus: bool
     xors: tuple[int, ...]

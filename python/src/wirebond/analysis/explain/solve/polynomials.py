@@ -8,7 +8,7 @@ _MOST_EXTRA = 8  # degrees by which a number may be larger than the divisors tha
 
 
 def remainder(number: int, divisor: int) -> int:
-    """What is left of a division."""
+    """Return the remainder of a division."""
     size = divisor.bit_length()
     while (over := number.bit_length() - size) >= 0:
         number ^= divisor << over

@@ -1,4 +1,4 @@
-"""What a frame says about its check: the bytes that are covered, and the value."""
+"""One observation of an unknown check: the covered bytes, and the value."""
 
 from __future__ import annotations
 

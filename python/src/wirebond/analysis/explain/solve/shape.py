@@ -1,4 +1,4 @@
-"""How a CRC takes bytes in and puts its value out: all but its polynomial, its beginning and its last steps."""
+"""How a CRC processes bytes and outputs its value: everything but its polynomial, first value and last steps."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def shapes(width: int) -> Iterator[Shape]:
 
 
 def _before(register: int, size: int, polynomial: int) -> int:
-    """What a register was ``size`` zero bytes ago: each step back divides by x."""
+    """Return the register ``size`` zero bytes earlier: each step back divides by x."""
     for _ in range(8 * size):
         register = (register ^ polynomial if register & 1 else register) >> 1
     return register

@@ -43,7 +43,7 @@ def _numbers(sample: Sample, unit: int, order: Order, odd: OddTail) -> list[int]
 
 
 def _turned(sample: Sample, unit: int, odd: OddTail) -> int:
-    """What an odd tail turns in the register."""
+    """Return the bits that an odd tail changes in the register."""
     turned = 0
     if odd == OddTail.XOR:
         for byte in tail(sample.covered, unit):
@@ -119,7 +119,8 @@ def _plain_sums(samples: Sequence[Sample], width: int, unit: int, order: Order, 
 def _with_beginning(
     totals: Sequence[int], turned: Sequence[int], values: Sequence[int], width: int, modulus: int
 ) -> tuple[int, LastSteps] | None:
-    """Where a sum begins that wraps at another number than 2 ** width or whose carry goes around, and its last steps.
+    """Find the first value and the last steps of a sum that wraps at another number than 2 ** width, or whose carry
+    goes around.
 
     What it begins with moves the place at which it wraps: between the sums of two frames all places are alike.
     """
