@@ -10,7 +10,7 @@ import msgspec
 
 
 def plain(value: Any) -> Any:
-    """What `encode` can write, whatever it holds."""
+    """Return a value that `encode` can write, for any content."""
     if isinstance(value, dict):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple | set | frozenset):

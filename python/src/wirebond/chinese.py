@@ -33,7 +33,7 @@ class Pair:
     chinese: str
 
     def values(self, text: str) -> dict[str, str] | None:
-        """What stands at the places; None: it is another sentence. Linear in the text, whatever it is."""
+        """Return the texts at the placeholders; None: it is another sentence. Linear in the size of the text."""
         first, last = self.literals[0], self.literals[-1]
         if not self.names:
             return {} if text == first else None
@@ -121,7 +121,7 @@ def _table() -> Table:
 
 
 def chinese(sentence: str) -> str | None:
-    """The same in Chinese; None: it has no Chinese, such as the words of a person or of a firmware."""
+    """Return the sentence in Chinese; None: there is no Chinese for it, such as text of a person or of a firmware."""
     return _kept(sentence) if len(sentence) <= LONGEST else None
 
 
@@ -131,7 +131,7 @@ def _kept(sentence: str) -> str | None:
 
 
 def with_chinese(told: dict[str, Any], *keys: str) -> dict[str, Any]:
-    """The same, with a key ``…_zh`` beside each of these that has a Chinese sentence, or a list of sentences."""
+    """Return the same with a key ``…_zh`` for each sentence, or list of sentences, that has a Chinese form."""
     twins: dict[str, Any] = {}
     for key in keys:
         said = told.get(key)

@@ -37,8 +37,8 @@ _MOST_THREADS = 64
 
 @dataclass(frozen=True)
 class SequenceCounts:
-    """What the sequence numbers of received frames told. Each number is compared with the one before it from the same
-    peer (with ``per: message``: and of the same message). The first one only says where the count begins.
+    """Results of the sequence numbers of received frames. Each number is compared with the previous one of the same
+    peer (with ``per: message``: and of the same message). The first one only sets where the count begins.
 
     :ivar numbered: frames whose number was looked at.
     :ivar gaps: frames that are missing: numbers that were left out.
@@ -96,7 +96,7 @@ def stats_from(raw: dict[str, Any]) -> Stats:
 
 @dataclass(frozen=True)
 class Stats:
-    """Where every received byte went. Exact after every ``feed``, ``idle`` and ``finish``:
+    """The account of every received byte. Exact after every ``feed``, ``idle`` and ``finish``:
 
     ``bytes == frame_bytes + fill_bytes + pending_bytes + sum(discarded_bytes.values())``
 
@@ -215,7 +215,7 @@ class Decoder:
 
     @property
     def stats(self) -> Stats:
-        """Where every byte went, up to now."""
+        """The account of every byte so far."""
         return stats_from(self.engine.stats())
 
     def __repr__(self) -> str:
@@ -278,7 +278,7 @@ class Table:
         return iter(self.fields)
 
     def __len__(self) -> int:
-        """How many messages, each of them a row."""
+        """Return the number of messages; each is a row."""
         return len(self.offset)
 
     def __bool__(self) -> bool:
@@ -294,7 +294,7 @@ class Table:
 
     @property
     def rows(self) -> int:
-        """How many messages: ``len(table)``."""
+        """The number of messages: ``len(table)``."""
         return len(self.offset)
 
     def __repr__(self) -> str:
@@ -461,7 +461,7 @@ class Codec:
         return Columns(tables, stats_from(result["stats"]))
 
     def log_line(self, message: Message) -> LogLine | None:
-        """What a received message says in the log.
+        """Return the log line of a received message.
 
         :param message: one that a decoder or a link of this protocol gave.
         :returns: its level and text; None where it is no log line.
@@ -470,7 +470,7 @@ class Codec:
         return None if index is None else log_line(self.model, self.model.messages[index], message.fields)
 
     def counters(self, message: Message) -> McuCounters | None:
-        """What a received message says of the counters of the MCU's link: what it received, refused and sent.
+        """Return the counters of the MCU's link in a received message: bytes and messages received, refused and sent.
 
         :param message: one that a decoder or a link of this protocol gave.
         :returns: the counters, as ``str`` a sentence; None where it is not the message of the ``counters`` service.

@@ -49,7 +49,8 @@ def _digest_of_bytes(package: Path) -> str:
 
 
 def digest_of_shapes(package: Path) -> str:
-    """Of names and types alone: comments, docstrings and what functions do may change without a new engine."""
+    """Return a digest of names and types alone: comments, docstrings and function bodies may change without a new
+    engine."""
     lines = [line for name in FILES for line in _shapes((package / name).read_text("utf-8"), name.endswith(".pyi"))]
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 

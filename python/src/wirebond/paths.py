@@ -1,4 +1,4 @@
-"""Where the package's C++ sources and protocol files lie: beside the package when installed, in the tree otherwise."""
+"""Finds the package's C++ sources and protocol files: next to the installed package, or in the source tree."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ class Seldom:
 
 
 def and_more(left_out: int) -> str:
-    """What follows the text of a report: how many others there were."""
+    """Return the end of a report: how many others there were."""
     return f" ({left_out} more since the last report)" if left_out else ""
 
 

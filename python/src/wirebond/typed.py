@@ -1,4 +1,5 @@
-"""What generated Python modules are made of: the file that must still be theirs, and engine values as typed ones."""
+"""The base of generated Python modules: checks that they belong to the file, and converts engine values to typed
+ones."""
 
 from __future__ import annotations
 
@@ -85,7 +86,7 @@ def message_class(kind: type) -> Any:
 
 
 def maker_of(kind: type) -> Callable[[Message], Any]:
-    """What makes objects of this class from received messages of its name."""
+    """Return a function that makes objects of this class from received messages of its name."""
     name, make = message_class(kind).NAME, kind.from_values  # type: ignore[attr-defined]
     return lambda message: decoded({name: make}, message)
 

@@ -106,7 +106,7 @@ class Dashboard:
         return message.name if peer is None else f"{message.name} [{self._peer} {peer}]"
 
     def _said(self, message: Message) -> Text | None:
-        """What stands in the place of its values, where it is a line of the log or counts what the MCU did."""
+        """Return the text that replaces the values of a log line or of the MCU's counters."""
         line, counters = self._link.codec.log_line(message), self._link.codec.counters(message)
         if counters is not None:
             return Text(str(counters))

@@ -1,4 +1,4 @@
-"""What Ctrl-C does: at once the end while a command starts, an exception while it works, nothing while it ends."""
+"""Handles Ctrl-C: an immediate end while a command starts, an exception while it works, nothing while it ends."""
 
 from __future__ import annotations
 

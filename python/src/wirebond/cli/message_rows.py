@@ -19,7 +19,7 @@ _HEADINGS = ("message", "count", "rate", "last values")
 
 @dataclass
 class Widths:
-    """How wide the values of a message have been, so that they keep their places while they change."""
+    """The widths of a message's values so far, so that they keep their places when they change."""
 
     _most: dict[str, int] = field(default_factory=dict)
 

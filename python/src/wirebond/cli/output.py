@@ -1,4 +1,4 @@
-"""Where the commands print: sentences, errors and data. All of it goes through here and is made safe."""
+"""The output of all commands: sentences, errors and data. All of it is made safe here."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ errors = SafeConsole(stderr=True, highlight=False, emoji=False, soft_wrap=True)
 
 
 def drop(descriptor: int) -> None:
-    """What is written to this standard stream from here on goes nowhere."""
+    """Discard everything that is written to this standard stream from now on."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, descriptor)
     os.close(nowhere)

@@ -1,4 +1,4 @@
-"""What the commands show of messages, rates and accounts, in one line or as JSON."""
+"""Shows messages, rates and accounts, in one line or as JSON."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def log_text(line: LogLine) -> Text:
 
 
 def message_dict(message: Message, codec: Codec) -> dict[str, Any]:
-    """What a JSON line says of a message."""
+    """Return the JSON form of a message."""
     out: dict[str, Any] = {
         "t": round(message.t, 6),
         "offset": message.offset,
@@ -63,7 +63,7 @@ def message_dict(message: Message, codec: Codec) -> dict[str, Any]:
 
 
 def peer_dict(message: Message, codec: Codec) -> dict[str, str] | None:
-    """What a hello says of the sender's protocol file; None where the message is none."""
+    """Return the state of the sender's protocol file by its hello, or None if the message is none."""
     service = codec.model.service("hello")
     if service is None or message.name != service.message("message"):
         return None
@@ -96,7 +96,7 @@ def stats_line(stats: Stats) -> str:
 
 
 def rates_line(rates: Rates) -> str:
-    """What the link did of late, in one sentence."""
+    """Describe the recent rates of the link in one sentence."""
     receive, send = rates.receive, rates.send
     came = [_rate_text(name, rate) for name, rate in rates.messages.items()]
     left = [f"sent {_rate_text(name, rate)}" for name, rate in rates.sent.items() if rate.per_second > 0]
@@ -127,7 +127,7 @@ def behind_schedule(rates: Rates) -> list[str]:
 
 
 def sequence_parts(sequence: SequenceStats) -> list[str]:
-    """What the sequence numbers told; nothing where all is well."""
+    """Describe the results of the sequence numbers; empty if all is well."""
     parts = []
     if sequence.gaps:
         parts.append(f"{sequence.gaps} missing by their numbers ({sequence.loss:.2%})")

@@ -1,4 +1,4 @@
-"""Where the ``wirebond`` command begins: what must hold before anything large is imported."""
+"""The start of the ``wirebond`` command: conditions that must hold before anything large is imported."""
 
 from __future__ import annotations
 

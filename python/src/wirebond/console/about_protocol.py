@@ -77,7 +77,7 @@ class ProtocolRequests:
         return protocol_form(source.codec, source.history, model.path, "", model.link.baud)
 
     async def _model(self, request: Request) -> Protocol:
-        """Of the link, or of the recording that is asked for."""
+        """Return the protocol of the link, or of the requested recording."""
         name = request.query_params.get("recording")
         if name is None:
             return served_by(self._station).link.codec.model
@@ -95,7 +95,7 @@ class ProtocolRequests:
         return Response(schema_text(), media_type="application/schema+json")
 
     async def _save(self, request: Request) -> Response:
-        """What is in force stays until the port is connected."""
+        """Save the file. The current protocol stays until the port is connected."""
         asked = await body_of(request, _Save)
         path = self._own_file() if asked.name is None else self._new_file(asked.name)
         loads(asked.text, str(path))

@@ -18,7 +18,7 @@ from wirebond.console.wants import MOST_FIELDS
 
 
 class SampleRequests:
-    """Of the link, or of a recording.
+    """Serves samples of the link, or of a recording.
 
     :param station: whose link it is.
     :param library: of the recordings.

@@ -46,7 +46,7 @@ def refusal(error: str, text: str, status: int, **more: object) -> Response:
 
 
 def served_by(station: Station) -> Served:
-    """What is served now.
+    """Return the link that is served now.
 
     :raises RefusedError: nothing.
     """
@@ -57,7 +57,7 @@ def served_by(station: Station) -> Served:
 
 
 def guarded(handler: Handler) -> Handler:
-    """The same, with each error that can be foreseen as an answer."""
+    """Return the same handler, with each foreseeable error as an answer."""
 
     async def wrapped(request: Request) -> Response:
         try:

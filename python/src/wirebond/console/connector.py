@@ -39,7 +39,7 @@ class HeldError(UsageError):
 
 @dataclass(frozen=True)
 class Options:
-    """How links are opened that the page asks for.
+    """The options for links that the page opens.
 
     :ivar name: of the server; None: the protocol's.
     :ivar recordings: the folder for recordings.

@@ -108,7 +108,7 @@ class Console:
 
     @property
     def token(self) -> str:
-        """What clients must say."""
+        """The token that clients must send."""
         return self._guard.token
 
     @property

@@ -1,4 +1,4 @@
-"""Who may use the console: rules over the token and the headers Host and Origin. No socket."""
+"""Decides who may use the console: rules for the token and the headers Host and Origin. No socket."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ _MOST_OPEN = 3
 
 
 class NoPortError(UsageError):
-    """What is asked for belongs to a port, and there is none."""
+    """The request needs a port, and there is none."""
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ _LENGTH = struct.Struct("<I")
 
 @dataclass
 class _Sent:
-    """Of one field: where the first pixel begins that may still change, and the rows from there on."""
+    """The sent part of one field: where the first pixel begins that may still change, and the rows from there on."""
 
     begin: float
     rows: bytes
@@ -28,7 +28,7 @@ class _Sent:
 
 @dataclass
 class PlotFeed:
-    """What one client has of one plot."""
+    """The state of one plot at one client."""
 
     plot: Plot
     _sent: dict[str, _Sent] = field(default_factory=dict)
@@ -36,7 +36,7 @@ class PlotFeed:
     _newest: float = -math.inf  # of what a fixed range had when it was looked at
 
     def batch(self, history: History, now: float) -> bytes | None:
-        """What the client lacks; None: nothing.
+        """Return what the client lacks; None: nothing.
 
         :raises UsageError: one of the fields cannot be plotted.
         """

@@ -135,7 +135,7 @@ def _kind(field: Field) -> str:
 
 
 def _bound(field: Field, given: float | None, *, least: bool) -> float | None:
-    """What the file says; else what the wire can carry."""
+    """Return the bound in the file, else the one of the wire type."""
     if given is not None or not field.is_integer:
         return given
     ends = [wire * field.scale + field.offset for wire in field.whole_limits]

@@ -67,7 +67,7 @@ def _parts(source: Source, wanted: Sequence[str], begin: float, end: float) -> l
 
 
 def _clock_tables(source: Source, whose: End) -> dict[str, Table]:
-    """What the clock service said: all that is kept of it."""
+    """Return all kept results of the clock service."""
     service = source.codec.model.service("clock")
     names = set() if service is None else set(dict(service.messages).values())
     kept = [name for end, name in source.history.tracks() if end == whose and name in names]
@@ -106,7 +106,7 @@ def _pieces(
 def _cells(
     part: _Part, rows: NDArray[np.intp], places: dict[str, int], at_message: int, zero: float, shift: float
 ) -> dict[int, Sequence[object]]:
-    """Of each column of the file, the cells of these rows."""
+    """Return the cells of these rows for each column of the file."""
     t = part.t[rows]
     utc = np.round((t + zero) * 1e6).astype(np.int64).astype("datetime64[us]")
     found: dict[int, Sequence[object]] = {

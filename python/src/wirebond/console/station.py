@@ -26,7 +26,7 @@ class Served:
 
     @property
     def source(self) -> Source:
-        """What views look at."""
+        """The source of the views."""
         return self.keeper.source
 
 
@@ -40,7 +40,7 @@ class Station:
 
     @property
     def served(self) -> Served | None:
-        """What is served now."""
+        """The link that is served now."""
         return self._served
 
     def put(self, link: Link, server: Server, close: Callable[[], None] = lambda: None) -> None:

@@ -1,4 +1,4 @@
-"""What one client of ``/views`` gets, round by round: only what it wants, and only what is new. No socket."""
+"""Makes the rounds for one client of ``/views``: only what it wants, and only what is new. No socket."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Viewer:
             self._plots[plot.id] = feeds[plot.id] if is_same else self._feed(plot)
 
     def round(self) -> list[str | bytes]:
-        """What the client lacks now: messages, in their order."""
+        """Return the messages that the client lacks now, in order."""
         wants, now = self._wants, time.monotonic()
         source = self._source()
         if source is not self._of:
@@ -75,7 +75,7 @@ class Viewer:
             self._out.append(batch)
 
     def _feed(self, plot: Plot) -> PlotFeed:
-        """Of the fields that there are; the others are named."""
+        """Return the feed of a plot for its known fields; the others are reported."""
         source = self._source()
         known = []
         for name in plot.fields:

@@ -1,4 +1,4 @@
-"""What a client of ``/views`` wants to see: its messages, checked. No socket."""
+"""Checks the messages in which a client of ``/views`` says what it wants to see. No socket."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class OfRecording(msgspec.Struct):
 
 
 class _Shown(msgspec.Struct):
-    """What the views show."""
+    """The views that the client wants."""
 
     plots: tuple[Plot, ...] = ()
     source: Literal["live"] | OfRecording = "live"

@@ -27,7 +27,7 @@ _LOOKED_AT = 1 << 16  # bytes, to find out whose they are
 
 
 def is_capture(path: Path) -> bool:
-    """Whether a file is taken for a raw capture: it has bytes, and neither its name nor what is in it says that it is a
+    """Return whether a file counts as a raw capture: it has bytes, and neither its name nor its content marks it as a
     recording or a protocol file.
 
     :raises OSError: it cannot be read.

@@ -1,4 +1,4 @@
-"""What a recording is, without its messages: when, how long, of which protocol, and what persons wrote about it."""
+"""Describes a recording without its messages: when, how long, of which protocol, and its notes."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def glance(path: Path) -> Glance:
 
 
 class _Ends(Scan):
-    """Of a chunk only the time of its newest message."""
+    """Reads only the time of the newest message in a chunk."""
 
     def __init__(self, source: Source) -> None:
         super().__init__(source)

@@ -26,7 +26,7 @@ Progress = Callable[[int, int], object]
 
 @dataclass(frozen=True)
 class Rerun:
-    """What a firmware did with a recording.
+    """The result of a recording in a firmware.
 
     :ivar sent: its bytes.
     :ivar events: what it reported, with times in seconds.
@@ -95,7 +95,7 @@ class RecordedFirmware:
         return self.advance_to(self.now + seconds)
 
     def advance_to(self, until: float) -> bytes:
-        """The same, up to this time. The firmware counts whole microseconds."""
+        """Do the same up to this time. The firmware counts whole microseconds."""
         came = bytearray()
         while (left_us := round((until - self.now) * 1e6)) > 0:
             part = self._firmware.advance(min(_STEP, left_us / 1e6))

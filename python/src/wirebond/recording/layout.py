@@ -1,5 +1,5 @@
-"""How a recording lies in an MCAP file: names of channels, metadata and the attached protocol file. Reads and writes
-nothing.
+"""The layout of a recording in an MCAP file: names of channels, metadata and the attached protocol file. Reads and
+writes nothing.
 
 The channels ``rx`` and ``tx`` have a message for each read and each write of the port: its bytes, the log time when it
 was done, and the publish time when a read began. ``events`` has JSON. A closed recording also has a channel of JSON for
@@ -50,7 +50,7 @@ def with_checksum(values: Mapping[str, str]) -> dict[str, str]:
 
 
 def is_intact(values: Mapping[str, str]) -> bool:
-    """Whether the checksum fits; metadata of a file that was not closed have none."""
+    """Return whether the checksum is right; metadata of a file that was not closed have none."""
     plain = {key: value for key, value in values.items() if key != CHECKSUM}
     return values.get(CHECKSUM, "") in ("", _checksum(plain))
 

@@ -24,7 +24,7 @@ _SMALL = 1 << 17  # bytes of a chunk that is compressed with more effort, since 
 
 
 class Output(Protocol):
-    """What a file is written to."""
+    """The target of a writer."""
 
     def write(self, data: bytes, /) -> int: ...
     def tell(self) -> int: ...
@@ -157,7 +157,7 @@ class McapWriter:
                 self._write_chunk()
 
     def _within(self, logged: NDArray[np.uint64]) -> int:
-        """How many of them belong to the open chunk by their time, which begins with its first one."""
+        """Return how many of them belong to the open chunk by their time, which begins with its first one."""
         if self._span_ns is None:
             return len(logged)
         first = self._open[0].logged[0] if self._open else logged[0]
@@ -208,7 +208,7 @@ class McapWriter:
             self._note(CHUNK_INDEX, entry + struct.pack("<Q", length) + string(_COMPRESSION) + sizes)
 
     def _write_index(self, parts: list[Packed], begin: int, logged: NDArray[np.uint64]) -> tuple[bytes, int]:
-        """Where in the file each channel's index lies, and how long all of them are."""
+        """Return the position of each channel's index in the file, and the size of all of them."""
         places = []
         for part in parts:
             places.append(part.places + np.uint64(begin))

@@ -1,5 +1,5 @@
-"""What persons write about a recording: texts in the metadata of its file. One is added at the end of the file, without
-touching its messages."""
+"""Notes that people write about a recording: texts in the metadata of its file. A note is added at the end of the file,
+without touching its messages."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _append(descriptor: int, path: Path, metadata: bytes) -> None:
 
 
 def _data_end(descriptor: int, size: int) -> tuple[int, int]:
-    """Where the record lies that ends the data.
+    """Return the position of the record that ends the data.
 
     :raises ValueError: the file has no end.
     """

@@ -107,7 +107,7 @@ class PieceFile:
         self.events = tuple(found)
 
     def _look(self, pieces: Pieces, events: list[LinkEvent]) -> None:
-        """What the first pass must know of them."""
+        """Collect the facts that the first pass needs."""
         if not len(pieces):
             return
         self.count += len(pieces)

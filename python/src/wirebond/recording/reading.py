@@ -46,7 +46,7 @@ class Found:
 
     @staticmethod
     def of(found: Iterable[tuple[int, str, Message]]) -> Found:
-        """Of some."""
+        """Return the result for some of them."""
         rows = list(found)
         return Found(
             np.array([row[0] for row in rows], np.uint32),
@@ -106,7 +106,7 @@ class Reading:
             yield Found(behind, np.full(len(messages), SENDERS.index(end), np.uint8), messages)
 
     def _one_by_one(self, pieces: Pieces, begin: int) -> Iterator[tuple[int, str, Message]]:
-        """Where the request tells what a reply is."""
+        """Yield messages one by one, if only the request identifies a reply."""
         for index in np.flatnonzero(pieces.kinds < 2).tolist():
             end = self._ends[pieces.kinds[index]]
             decoder = self._decoders.get(end)
@@ -123,7 +123,7 @@ class Reading:
                 yield from ((begin + index, str(end), message) for message in found)
 
     def finish(self) -> Iterator[tuple[str, Message]]:
-        """What is pending is settled."""
+        """Settle what is pending."""
         for end, decoder in self._decoders.items():
             found = decoder.finish()
             if end in self._wanted and self._keep:

@@ -70,7 +70,7 @@ class Recorder:
 
     @property
     def seconds(self) -> float:
-        """How long it has recorded."""
+        """The length of the recording so far."""
         return time.monotonic() - self.started if self._seconds is None else self._seconds
 
     @property
@@ -85,7 +85,7 @@ class Recorder:
 
     @property
     def messages(self) -> int:
-        """How many frames the source has received since then, where it has an account."""
+        """The number of frames that the source has received since then, if it has an account."""
         return self._messages_now() if self._stats is None else self._stats
 
     def _messages_now(self) -> int:

@@ -54,9 +54,9 @@ class Reads:
 
 
 class Recording:
-    """What ``wirebond record`` wrote, or a raw capture. Times are seconds since its start. It does not change, also
-    when another file takes its name; any thread may use it. Iteration and ``stats`` have some MiB of the file in
-    memory at a time; ``raw`` and ``columns`` all that they return.
+    """A file of ``wirebond record``, or a raw capture. Times are seconds since its start. It does not change, even if
+    another file takes its name; any thread may use it. Iteration and ``stats`` keep some MiB of the file in memory at a
+    time; ``raw`` and ``columns`` all that they return.
 
     :param path: of the file. One that was cut short or damaged is read as far as it goes; ``problems`` says what is
         lost.
@@ -114,7 +114,7 @@ class Recording:
             raise ProtocolFileError(error.problems) from None
 
     def _lacks(self) -> Iterator[str]:
-        """What a raw capture does not tell."""
+        """Yield the facts that a raw capture lacks."""
         if self.is_capture and self.codec.model.format.ends_by_silence:
             yield (
                 f"frames of {self.codec.name} end by silence, and a raw capture has no times, so they cannot be told "
@@ -128,7 +128,7 @@ class Recording:
 
     @property
     def started(self) -> datetime:
-        """When it began, by the wall clock of the computer that recorded it; UTC."""
+        """The start of the recording, by the wall clock of the computer that recorded it; UTC."""
         return datetime.fromtimestamp(min(self._start_ns, 32503680000 * 10**9) / 1e9, UTC)
 
     @property
@@ -143,12 +143,12 @@ class Recording:
 
     @property
     def repaired(self) -> str:
-        """What was lost before the file was closed, as sentences; empty where nothing was."""
+        """The losses before the file was closed, as sentences; empty if there were none."""
         return self._about.get("repaired", "")
 
     @property
     def notes(self) -> tuple[Note, ...]:
-        """What persons wrote about it."""
+        """The notes that people wrote about it."""
         return notes_from(self._notes)
 
     @property
@@ -222,7 +222,7 @@ class Recording:
             yield message
 
     def messages_of(self, sender: str | None = None) -> Iterator[tuple[str, Message]]:
-        """The same, each with the end that sent it.
+        """Yield the same, each with the end that sent it.
 
         :param sender: as for ``messages``.
         :returns: an iterator of end and message.
@@ -295,7 +295,7 @@ class Recording:
         return Reads(found.data, found.ends, found.before, found.breaks, self._expected(sender, found.before))
 
     def stats(self, sender: str = "mcu", *, progress: Progress | None = None) -> Stats:
-        """Where every byte of this end went.
+        """Return the account of every byte of this end.
 
         :param sender: whose: ``"mcu"`` or ``"host"``.
         :param progress: called as ``progress(done, size)`` in bytes of the file.
@@ -370,7 +370,7 @@ class Recording:
         return "sent" if sender == self.role else "received"
 
     def _expected(self, sender: str, reads: NDArray[np.float64]) -> list[tuple[int, int]]:
-        """Where only the request tells what a reply is: before which read which reply was asked for."""
+        """If only the request identifies a reply: return before which read which reply was requested."""
         codec = self.codec
         if not told_by_request(codec.model.messages, End(sender)):
             return []

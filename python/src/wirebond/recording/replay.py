@@ -23,7 +23,7 @@ _LONGEST_SLEEP = 0.1  # seconds between two looks at whether it shall end
 
 @dataclass(frozen=True)
 class Section:
-    """Which part of a recording, and how fast.
+    """The part of a recording to play, and its speed.
 
     :ivar speed: 1: as it happened; 0: as fast as possible.
     :ivar start: seconds since the start of the recording.
@@ -54,7 +54,7 @@ class Section:
         return max(stop - self.start, 0.0)
 
     def chunks(self, recording: Recording, direction: str | None) -> Iterator[Chunk]:
-        """Of one round; times count from the section's start."""
+        """Yield the chunks of one round; times count from the section's start."""
         for chunk in recording.chunks(direction):
             if chunk.t < self.start:
                 continue
@@ -63,7 +63,7 @@ class Section:
             yield Chunk(chunk.t - self.start, max(chunk.before - self.start, 0.0), chunk.direction, chunk.bytes)
 
     def rounds(self, recording: Recording, direction: str | None) -> Iterator[Chunk]:
-        """Of all rounds; times go on rising."""
+        """Yield the chunks of all rounds; times continue to increase."""
         begin, length = 0.0, self.length(recording)
         while True:
             empty = True
@@ -76,7 +76,7 @@ class Section:
 
 
 class Pace:
-    """When something is due on the clock of this computer, for a section that begins now."""
+    """Converts times of a section that begins now to the clock of this computer."""
 
     def __init__(self, section: Section) -> None:
         self._speed = section.speed

@@ -26,7 +26,7 @@ _LONGEST_READ = 0.01  # seconds
 
 
 class ReplayClock:
-    """Where the replay is, on ``time.monotonic()`` as far as its start is concerned. Any thread."""
+    """The position of the replay, by ``time.monotonic()`` from its start. Any thread."""
 
     def __init__(self) -> None:
         self._origin_us = time.monotonic_ns() // 1000

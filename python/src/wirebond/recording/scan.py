@@ -61,7 +61,7 @@ class Channel:
 
 @dataclass
 class Contents:
-    """What the records say, messages left out.
+    """The content of the records, without messages.
 
     :ivar problems: sentences: what was cut off or damaged.
     :ivar is_finished: the file has its end.
@@ -135,7 +135,7 @@ class Scan:
             self._take_summary(self._summary)
 
     def _take_summary(self, summary: Summary) -> None:
-        """What the file says at its end helps where its beginning is damaged."""
+        """Use the summary at the end of the file, in case its beginning is damaged."""
         for opcode, body in summary.channels:
             self._record(opcode, body, 0, len(body))
         for at, length in summary.abouts:
@@ -204,7 +204,7 @@ class Scan:
             self._problem(f"{self._summary.chunk_count - self._chunks} of its chunks cannot be found")
 
     def _resume(self, at: int, begin: int) -> int | None:
-        """Where the next record lies that is whole, from ``begin`` on; None: there is none."""
+        """Return the position of the next intact record from ``begin`` on, or None."""
         found = self._search.next_from(begin)
         if found is None:
             self._cut(at)

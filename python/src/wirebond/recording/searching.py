@@ -68,15 +68,15 @@ class Search:
         self._is_whole = source.size > 2 * len(MAGIC) and source.read(self._end, len(MAGIC)) == MAGIC
 
     def is_head(self, at: int) -> bool:
-        """Whether a record may begin there, and ends within the file."""
+        """Return whether a record may begin there, and ends within the file."""
         return self._behind(at) is not None
 
     def is_next(self, at: int) -> bool:
-        """Whether a record may begin there, or the file ends."""
+        """Return whether a record may begin there, or the file ends."""
         return at == self._source.size or (self._is_whole and at == self._end) or self.is_head(at)
 
     def leads_on(self, at: int) -> bool:
-        """Whether some records follow each other from there on, or all until the end of the file."""
+        """Return whether some records follow each other from there on, or all until the end of the file."""
         for _ in range(_CHAIN):
             if self._is_whole and at == self._end:
                 return True
@@ -106,7 +106,7 @@ class Search:
 
 @dataclass(frozen=True)
 class Summary:
-    """What the end of a file says of it.
+    """The summary at the end of a file.
 
     :ivar channels: bodies of records, by opcode.
     :ivar abouts: places and sizes of the records with the recording's own metadata.

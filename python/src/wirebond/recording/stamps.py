@@ -19,7 +19,7 @@ from wirebond.protocol.stamps import count_us, stamp_of
 
 
 class RecordedClock:
-    """What was known of the MCU's clock at each time of a recording: by the exchanges up to then, as a link knows it.
+    """The state of the MCU's clock at each time of a recording: by the exchanges up to then, as a link knows it.
 
     :param tables: all messages of one end, those of the clock service at least.
     """
@@ -46,7 +46,7 @@ class RecordedClock:
         return replace(columns, tables=tables)
 
     def stamps(self, table: Table, stamp: Field) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """When the values of each row were measured, and by how much that is wrong at most; NaN: it is not known."""
+        """Return when the values of each row were measured, and the maximum error; NaN: unknown."""
         assert table.t is not None
         step = count_us(stamp)
         column = np.asarray(table[stamp.name])
@@ -65,7 +65,7 @@ class RecordedClock:
         return found, errors
 
     def _lines(self) -> tuple[NDArray[np.float64], list[ClockLine]]:
-        """What was known behind each exchange, and since when."""
+        """Return the clock after each exchange, and from when on it is valid."""
         if self._known is None:
             times: list[float] = []
             lines: list[ClockLine] = []

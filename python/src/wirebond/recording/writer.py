@@ -25,7 +25,7 @@ LIBRARY = f"wirebond {__version__}"
 
 
 class _Batch:
-    """What is written is kept until it goes to the file at once."""
+    """Collects bytes until they are written to the file at once."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
@@ -173,7 +173,7 @@ class RecordingWriter:
 
 
 def _whole_records(data: memoryview) -> int:
-    """How many bytes of it are records from their opcode to their end."""
+    """Return the size of the complete records in it."""
     at = 0
     while len(data) - at >= HEAD.size:
         _, length = HEAD.unpack_from(data, at)
@@ -215,7 +215,7 @@ class RecordingEndedError(WirebondError):
 
 
 def facts_of(link: Any) -> dict[str, str]:
-    """What a recording keeps of a link beside its bytes."""
+    """Return the facts about a link that a recording stores besides its bytes."""
     found = {}
     for name in ("port", "baud", "adapter_latency"):
         if (value := getattr(link, name, None)) is not None:

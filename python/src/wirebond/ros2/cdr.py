@@ -54,8 +54,8 @@ Steps = tuple[str | int, ...]
 
 
 def places_of(type_: RosType, values: Mapping[str, Any]) -> dict[Steps, tuple[int, str]]:
-    """Where each number lies in the bytes that `encode` gives of this message, and how `struct` packs it. They lie
-    there in every message of this type whose texts and sequences have the same sizes."""
+    """Return the place of each number in the bytes of `encode` for this message, and how `struct` packs it. The places
+    are the same in every message of this type whose texts and sequences have the same sizes."""
     places: dict[Steps, tuple[int, str]] = {}
     _place(type_, values, 0, (), places)
     return {steps: (len(_LITTLE) + at, code) for steps, (at, code) in places.items()}

@@ -1,4 +1,4 @@
-"""What ROS asks the MCU to do: looked at, clamped or refused by the protocol's ranges, counted, sent."""
+"""Commands from ROS to the MCU: examined, clamped or refused by the protocol's ranges, counted, sent."""
 
 from __future__ import annotations
 
@@ -152,8 +152,8 @@ class Commands:
         return self._why_not(self._names[index], fields)
 
     def framer(self, plan: UnpackPlan) -> _engine.CdrCommand | None:
-        """What makes the frames of a topic's bytes, for ``send_frame``; None where these must be looked at one by one:
-        a reply is awaited, frames have addresses, or a constant is out of its range."""
+        """Return the engine's maker of frames from a topic's bytes, for ``send_frame``; None if each message must be
+        examined: a reply is expected, frames have addresses, or a constant is out of its range."""
         if not self._link.internals.sender.sends_plain(plan.message):
             return None
         try:

@@ -97,15 +97,15 @@ class _Reader:
 
 
 class _BatchingWriter(DataWriter[Any]):
-    """What is written waits for ``send``, or until a packet is full: a packet for each message costs more than all else
-    that is done for it."""
+    """Collects writes until ``send``, or until a packet is full: a packet for each message costs more than everything
+    else that is done for it."""
 
     def _create_writer(self, participant: Any, topic: Any, qos: Any, listener: Any) -> Any:
         _set_batching(qos, True)
         return super()._create_writer(participant, topic, qos, listener)
 
     def send(self) -> None:
-        """What was written and has not left leaves now."""
+        """Send everything that was written and has not left."""
         _write_flush(self._ref)
 
 

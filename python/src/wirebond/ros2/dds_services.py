@@ -57,7 +57,7 @@ class Calls:
     def taker(
         self, requests: DataReader[Any], responses: DataWriter[Any], answer: Answer, respond: Callable[[Any], None]
     ) -> Callable[[dict[str, Any]], None]:
-        """What takes the requests of one service, each with its number."""
+        """Return a function that takes the requests of one service, each with its number."""
 
         def call(request: dict[str, Any]) -> None:
             numbers = {name: request[name] for name in _NUMBERS}

@@ -1,4 +1,4 @@
-"""How the link and the robot are, as diagnostic_msgs/DiagnosticArray once a second."""
+"""Publishes the state of the link and the robot as diagnostic_msgs/DiagnosticArray once a second."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _OF_STATE = {"up": OK, "stale": WARN, "down": ERROR}
 
 
 class Diagnostics:
-    """What to say of one link. One thread at a time."""
+    """The diagnostics of one link. One thread at a time."""
 
     def __init__(
         self,
@@ -95,7 +95,7 @@ class Diagnostics:
         return self._status("serial_tx_data", WARN if new else OK, text, facts)
 
     def _new(self, what: str, count: int) -> int:
-        """How much this count has grown since the message before."""
+        """Return the growth of this count since the previous message."""
         before, self._before[what] = self._before[what], count
         return count - before
 

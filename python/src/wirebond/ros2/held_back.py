@@ -104,8 +104,8 @@ class HeldBack:
                 continue
 
     def _messages(self) -> list[Message]:
-        """What was sent since the last look. A server that is away has taken its tap along: a new one is opened when it
-        is back."""
+        """Return the messages sent since the last call. If the server restarted, its tap is gone, and a new one is
+        opened."""
         try:
             if self._tap is None:
                 self._tap = self._link.tap(_TAP_BYTES)

@@ -86,7 +86,7 @@ class McuParameters:
             self._closed.wait(_AGAIN)
 
     def _reconnects(self) -> int | None:
-        """How often the port came back; None: the server is away."""
+        """Return how often the port came back; None: the server is away."""
         try:
             return self._link.stats.reconnects
         except LinkDownError:

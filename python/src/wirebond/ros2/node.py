@@ -1,4 +1,5 @@
-"""What the bridge asks of ROS 2: a node that publishes, subscribes, has parameters and logs. Two adapters give it.
+"""The interface of the bridge to ROS 2: a node that publishes, subscribes, has parameters and logs. Two adapters
+implement it.
 
 Messages are dicts by field name, nested as their type is; a field that is left out has its default.
 """

@@ -1,4 +1,4 @@
-"""How often a thread looks for what has come: at a high rate it lets several messages come before the next look."""
+"""Decides how often a thread fetches messages: at a high rate it waits until several have arrived."""
 
 from __future__ import annotations
 

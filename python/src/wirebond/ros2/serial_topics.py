@@ -54,8 +54,8 @@ class SerialTopics:
         self._rx_hex.publish({"data": f"RX: {message.raw.hex(' ')}"})
 
     def take_sent(self) -> None:
-        """What the link sent since the last call. A server that is away has taken its tap along: then a new one is
-        opened when it is back."""
+        """Process what the link sent since the last call. If the server restarted, its tap is gone, and a new one is
+        opened."""
         try:
             if self._tap is None:
                 self._tap = self._link.tap(_TAP_BYTES)

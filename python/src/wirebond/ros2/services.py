@@ -29,7 +29,7 @@ class Services:
         self._pass_on = pass_on
 
     def answer(self, mapping: ServiceMapping) -> Answer:
-        """What makes the response of this service."""
+        """Return the function that makes the response of this service."""
         act = self._recover if mapping.recover else self._ask if mapping.has_reply else self._tell
 
         def answer(request: dict[str, Any]) -> dict[str, Any]:
@@ -66,5 +66,5 @@ def _values(mapping: ServiceMapping, request: dict[str, Any]) -> dict[str, Any]:
 
 
 def _fitting(mapping: ServiceMapping, response: dict[str, Any]) -> dict[str, Any]:
-    """Of these fields those that the type has: std_srvs/Empty has none."""
+    """Keep only the fields that the type has: std_srvs/Empty has none."""
     return {name: value for name, value in response.items() if mapping.type.response.field(name) is not None}

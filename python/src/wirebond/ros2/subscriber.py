@@ -1,4 +1,4 @@
-"""What takes the messages of one topic, for both adapters: quickly where it can, else by their values."""
+"""Takes the messages of one topic, for both adapters: fast if possible, else by their values."""
 
 from __future__ import annotations
 

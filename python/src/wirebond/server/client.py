@@ -61,7 +61,7 @@ class Client(asyncio.Protocol):
     # ---- to it
 
     def write(self, data: bytes) -> None:
-        """What it must have; where far too much waits, it is closed."""
+        """Write bytes that the client must get; if far too much waits, it is disconnected."""
         transport = self._transport
         if transport is None or transport.is_closing():
             return
@@ -87,7 +87,7 @@ class Client(asyncio.Protocol):
             self.write(self._server.commands.packed(mine, self.wants))
 
     def tell_lost(self) -> None:
-        """How many messages it did not get, once it reads again."""
+        """Report how many messages it did not get, once it reads again."""
         transport = self._transport
         if self.lost and transport is not None and transport.get_write_buffer_size() <= MOST_WAITING:
             transport.write(words.json_message({"event": "lost", "messages": self.lost}))

@@ -1,4 +1,4 @@
-"""Who commanded what, and when: bounded, the oldest go first. One thread adds; others read."""
+"""Records who commanded what, and when: bounded, the oldest go first. One thread adds; others read."""
 
 from __future__ import annotations
 

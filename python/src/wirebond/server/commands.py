@@ -1,4 +1,4 @@
-"""What clients ask of the link, and what becomes of it: commands under the rules of control, requests, questions.
+"""Handles the requests of clients: commands under the rules of control, requests, questions.
 
 One file: whatever is asked, the same rules of control come first.
 """
@@ -199,8 +199,8 @@ class Commands:
         return _OK
 
     def _must_be_new(self, request: words.Take | words.ReleaseStop) -> None:
-        """What lets the robot move again must not come from before a stall: its program may have given up, or have
-        ended, and somebody may have stopped the robot since.
+        """Refuse a request from before a stall if it lets the robot move again: its program may have given up or ended,
+        and another program may have stopped the robot since.
 
         :raises LateCommandError: it was under way for too long.
         """
@@ -257,7 +257,7 @@ class Commands:
             )
 
     def answered(self, client: Client, number: int, outcome: Message | Exception) -> None:
-        """What came of a client's request. The message itself follows."""
+        """Report the outcome of a client's request. The message itself follows."""
         if client.questions.pop(number, None) is None:
             return
         if isinstance(outcome, Message):

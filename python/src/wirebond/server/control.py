@@ -1,4 +1,5 @@
-"""Who is in control: one client at a time may command what moves. No socket, no thread, no clock: time is an argument.
+"""Decides which client is in control: one at a time may command motion. No socket, no thread, no clock: time is an
+argument.
 
 A client is in control from its first command, or from ``take``, until it releases it, goes, is silent for 0.3 s, is
 taken over, or an emergency stop. One that lost control against its will does not get it back by its next command: a
@@ -81,7 +82,7 @@ class ControlBook:
 
     @property
     def name(self) -> str | None:
-        """Of the client in control."""
+        """The name of the client in control."""
         return None if self.holder is None else self._clients[self.holder].name
 
     def beat(self, client: Hashable, tick: int, now: float) -> None:

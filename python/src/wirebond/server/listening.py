@@ -1,4 +1,4 @@
-"""Where a server listens: a Unix socket of its owner's, or an address of this computer."""
+"""Opens the sockets at which a server listens: a Unix socket of its owner's, or an address of this computer."""
 
 from __future__ import annotations
 

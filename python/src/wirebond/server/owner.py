@@ -1,4 +1,4 @@
-"""What a server does: it gives every attached client what comes from the link, and the link what they send.
+"""The work of a server: it passes everything from the link to every attached client, and their messages to the link.
 
 One thread with an event loop has all sockets; the link has threads of its own. Nothing here waits for a client.
 """
@@ -110,7 +110,7 @@ class Owner:
 
     @property
     def client_count(self) -> int:
-        """How many clients are attached. Any thread."""
+        """The number of attached clients. Any thread."""
         return len(self.clients)
 
     def connect(self) -> socket.socket:
@@ -152,7 +152,7 @@ class Owner:
             self._wake()
 
     def note_answer(self, client: Client, number: int, outcome: Message | Exception) -> None:
-        """What came of this request of a client. In any thread."""
+        """Note the outcome of this request of a client. Any thread."""
         with self._came_lock:
             is_first = not self._came and not self._answers and not self._changes
             self._answers.append((client, number, outcome))
@@ -211,7 +211,7 @@ class Owner:
                 self.stopped()
 
     def tell_control(self, why: Why) -> None:
-        """Who is in control now."""
+        """Report which client is in control now."""
         was, self._holder = self._holder, self.book.name
         if self._holder != was:
             with contextlib.suppress(WirebondError):  # the link is closed, and with it its recordings

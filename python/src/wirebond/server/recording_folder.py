@@ -56,7 +56,7 @@ class RecordingFolder:
         return path
 
     def about(self, path: Path) -> StoredRecording | None:
-        """What this file is; None: it is not there any more."""
+        """Return the facts about this file, or None if it no longer exists."""
         try:
             stat = path.stat()
             key = stat.st_size, stat.st_mtime_ns

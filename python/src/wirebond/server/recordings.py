@@ -85,7 +85,7 @@ class Recordings:
 
     @property
     def current(self) -> StoredRecording | None:
-        """What is being recorded; None: nothing is. Without waiting."""
+        """The current recording, or None. Never waits."""
         recorder = self._recorder
         return None if recorder is None else self._current(recorder)
 

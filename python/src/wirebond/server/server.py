@@ -58,18 +58,18 @@ class Server:
 
     @property
     def token(self) -> str | None:
-        """What clients at TCP must say; None: the server does not listen at TCP, and needs none."""
+        """The token that TCP clients must send; None: the server does not listen on TCP, and needs none."""
         return self._owner.token
 
     @property
     def recordings(self) -> Recordings:
-        """What it records for all its clients: ``start``, ``stop``, ``list``, ``mark``, ``annotate``. Any thread; they
-        wait for the disk."""
+        """The recordings for all clients: ``start``, ``stop``, ``list``, ``mark``, ``annotate``. Any thread; they wait
+        for the disk."""
         return self._owner.recordings
 
     @property
     def log(self) -> CommandLog:
-        """Who commanded what, and when. Any thread."""
+        """The log of commands: which client, what, and when. Any thread."""
         return self._owner.log
 
     @property
@@ -85,7 +85,7 @@ class Server:
 
     @property
     def client_count(self) -> int:
-        """How many clients are attached. Any thread."""
+        """The number of attached clients. Any thread."""
         return self._owner.client_count
 
     def connect(self) -> socket.socket:

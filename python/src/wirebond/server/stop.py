@@ -1,4 +1,4 @@
-"""Who stopped the robot, and who may release it: the rules of the emergency stop among a server's clients."""
+"""The rules of the emergency stop among a server's clients: who stopped the robot, and who may release it."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class StopBook:
 
     @property
     def name(self) -> str | None:
-        """Of the program that stopped the robot last; None: no stop is latched. Any thread."""
+        """The name of the program that stopped the robot last; None: no stop is latched. Any thread."""
         return next(reversed(self._stops.copy().values()), None)
 
     def stop(self, client: Presser) -> None:

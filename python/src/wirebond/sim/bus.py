@@ -91,7 +91,7 @@ def _read(device: int) -> bytes:
 
 
 def _write(device: int, data: bytes) -> None:
-    """What a device does not take is lost: the line has no flow control."""
+    """Write to a device. Bytes that it does not take are lost: the line has no flow control."""
     try:
         os.write(device, data)
     except OSError:

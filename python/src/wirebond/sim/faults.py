@@ -1,4 +1,4 @@
-"""How often a simulated wire does harm, as the C++ programs take it."""
+"""The rates of faults on a simulated wire, as the C++ programs take them."""
 
 from __future__ import annotations
 

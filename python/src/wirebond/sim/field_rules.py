@@ -12,7 +12,8 @@ from wirebond.protocol.model import Field, OnRange
 
 
 def refusing(codec: Codec) -> Codec:
-    """The same protocol without the ranges that only clamp. Each violation of its messages refuses the message."""
+    """Return the same protocol without the ranges that only clamp. Each violation of its messages refuses the
+    message."""
     messages = tuple(replace(m, fields=_without_clamps(m.fields)) for m in codec.model.messages)
     return codec if messages == codec.model.messages else Codec(replace(codec.model, messages=messages))
 

@@ -1,4 +1,4 @@
-"""Whether a virtual MCU moves: it stands still until the host commands motion, as a robot does."""
+"""Decides whether a virtual MCU moves: it stands still until the host commands motion, as a robot does."""
 
 from __future__ import annotations
 

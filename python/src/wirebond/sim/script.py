@@ -44,7 +44,7 @@ class _Rhythm:
 
 
 class Behaviour:
-    """What a script adds to a virtual MCU. Values that it does not give are made up as without it.
+    """The additions of a script to a virtual MCU. Values that it does not give are made up as without it.
 
     :raises UsageError: the script cannot be run, or asks for a message that the protocol does not have. Also from the
         functions that the virtual MCU calls: the script's own error, with its file and line.

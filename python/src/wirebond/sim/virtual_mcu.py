@@ -102,7 +102,7 @@ class VirtualMcu:
 
     @property
     def account(self) -> Stats:
-        """Where every byte of the host went."""
+        """The account of every byte from the host."""
         return self._decoder.stats
 
     def feed(self, data: bytes, t: float) -> bytes:
@@ -189,7 +189,8 @@ class VirtualMcu:
         self.events += self.behaviour.take_reports()
 
     def _leaving(self, t: float) -> bytes:
-        """What the line may carry now: all that waits; where silence ends a frame, one frame after each pause."""
+        """Return the bytes that the line may carry now: all waiting ones; if silence ends a frame, one frame after each
+        pause."""
         pause = self.codec.model.pause_seconds
         if pause == 0:
             frames, self._waiting = self._waiting, deque()
@@ -237,7 +238,7 @@ class VirtualMcu:
         return [self._devices[bits]]
 
     def _whose(self, device: _Device) -> str:
-        """Which device this is, where there are several."""
+        """Name this device if there are several."""
         return f" to {self._addressing.field} {device.address}" if len(self._devices) > 1 else ""
 
     def _seen(self, device: _Device, message: str, t: float) -> None:
@@ -277,7 +278,8 @@ class VirtualMcu:
             self.events.append(f"{message.name} is rejected: {message.violations[0]}")
 
     def _refusal(self, message: Message, header: dict[str, Any], t: float) -> list[bytes]:
-        """What a link's parameter service answers to it. Nothing else answers a message that breaks a field's rule."""
+        """Return the reply of a link's parameter service. Nothing else replies to a message that breaks a field's
+        rule."""
         service = self.codec.model.service("parameter")
         roles = {} if service is None else dict(service.messages)
         if service is None or message.name not in (roles["read"], roles["set"]):
@@ -352,7 +354,7 @@ class VirtualMcu:
 
     @property
     def counters(self) -> dict[str, int]:
-        """What it counted, by the names of the counters service; what it cannot have counted is not there."""
+        """Return its counters, by the names of the counters service; those that it cannot count are missing."""
         account = self.account
         return {
             **account.discarded_bytes,

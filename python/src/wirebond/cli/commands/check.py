@@ -1,4 +1,4 @@
-"""What ``wirebond check`` does: the file's problems or the lint's report, for a person or as JSON."""
+"""``wirebond check``: the file's problems or the lint's report, for a person or as JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How `wirebond check` shows a lint report to a person: the findings, worst first, then the figures, a line each."""
+"""Shows a lint report to a person: the findings, worst first, then a line for each figure."""
 
 from __future__ import annotations
 

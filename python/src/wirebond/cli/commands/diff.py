@@ -1,4 +1,4 @@
-"""What ``wirebond diff`` does: two files, compared for a person or as JSON."""
+"""``wirebond diff``: compares two files, for a person or as JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How `wirebond diff` shows a comparison to a person: which ends understand each other, then the changes."""
+"""Shows a comparison to a person: which ends understand each other, then the changes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What ``wirebond doc`` does: the document to a file, or to standard output."""
+"""``wirebond doc``: writes the document to a file or to standard output."""
 
 from __future__ import annotations
 

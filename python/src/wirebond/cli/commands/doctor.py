@@ -1,4 +1,4 @@
-"""What ``wirebond doctor`` does: the checks of this machine, for a person or as JSON."""
+"""``wirebond doctor``: checks this machine, for a person or as JSON."""
 
 from __future__ import annotations
 

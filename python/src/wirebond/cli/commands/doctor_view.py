@@ -1,4 +1,4 @@
-"""How ``wirebond doctor`` shows findings to a person: by port, the worst first, commands on lines of their own."""
+"""Shows the findings of ``wirebond doctor`` to a person: by port, worst first, each command on its own line."""
 
 from __future__ import annotations
 

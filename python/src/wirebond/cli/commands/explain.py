@@ -1,4 +1,4 @@
-"""How an explanation looks: a table of bytes and names for each stretch, colour where there is a terminal, or JSON."""
+"""Shows an explanation: a table of bytes and names for each stretch, in colour on a terminal, or as JSON."""
 
 from __future__ import annotations
 
@@ -196,7 +196,7 @@ def _summary(explanation: Explanation, size: int) -> str:
 
 
 def _together(explanation: Explanation) -> list[Text]:
-    """What makes frames of several refused ones, once for all of them."""
+    """Describe the change that makes frames of several refused blocks, once for all of them."""
     return [
         Text(f"{guess.fits} of {guess.of} refused frames together: {guess.remedy or guess.what}", "cyan")
         for guess in explanation.together[:1]

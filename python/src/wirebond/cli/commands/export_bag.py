@@ -1,4 +1,4 @@
-"""What ``wirebond export --to ros2`` does."""
+"""``wirebond export --to ros2``."""
 
 from __future__ import annotations
 

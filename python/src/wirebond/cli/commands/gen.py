@@ -55,7 +55,7 @@ AMALGAMATED: dict[str, Texts] = {
 
 @dataclass(frozen=True)
 class Starter:
-    """What ``--starter`` asks for: a first source file for this UART."""
+    """The options of ``--starter``: a first source file for this UART."""
 
     uart: str
 
@@ -122,7 +122,7 @@ def _page(path: Path, out: Path, has_options: bool, only_check: bool) -> int:
 
 
 def is_same(path: Path, data: bytes) -> bool:
-    """Whether the file has these bytes."""
+    """Return whether the file has these bytes."""
     return path.is_file() and path.read_bytes() == data
 
 

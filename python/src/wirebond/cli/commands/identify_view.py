@@ -1,4 +1,4 @@
-"""What ``wirebond identify`` says: the formats that fit, best first, each with its evidence; or what to try."""
+"""Shows the result of ``wirebond identify``: the formats that fit, best first, with their evidence; or what to try."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def show(candidates: Sequence[Candidate], data: bytes, known: Known, line: str =
 
 
 def _seen(seen: Inference) -> list[str]:
-    """What can be seen in the bytes of an unknown format."""
+    """Describe the visible structure of an unknown format."""
     return [
         "No known format fits these bytes better than chance. This can be seen in them:",
         "",

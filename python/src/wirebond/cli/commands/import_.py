@@ -1,4 +1,4 @@
-"""What ``wirebond import`` does: a C header's structs to a first protocol file, with notes on what was left out."""
+"""``wirebond import``: turns a C header's structs into a first protocol file, with notes on what was left out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What ``wirebond infer`` does: bytes of an unknown format to a first protocol file, with the evidence as comments."""
+"""``wirebond infer``: turns bytes of an unknown format into a first protocol file, with the evidence as comments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How ``wirebond check --layout`` shows the layout of payloads: a line for each step, or the same as JSON."""
+"""Shows the layout of payloads for ``wirebond check --layout``: a line for each step, or JSON."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _lines(steps: tuple[Step, ...], level: int) -> Iterator[tuple[str, str, str,
 
 
 def _counts(steps: tuple[Step, ...]) -> dict[str, str]:
-    """What each number that counts counts."""
+    """Map each counting number to the field that it counts."""
     found: dict[str, list[str]] = defaultdict(list)
     for step in steps:
         for told in step.told if isinstance(step, List | Characters) else ():

@@ -1,4 +1,4 @@
-"""What ``wirebond new`` does: a template becomes a user's own file, and the next commands are shown."""
+"""``wirebond new``: copies a template to the user's own file, and shows the next commands."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ from wirebond.visible import visible
 
 @dataclass(frozen=True)
 class Access:
-    """How the parameters are reached: what all of these commands have in common."""
+    """Access to the parameters, shared by all of these commands."""
 
     path: Path
     port: str
@@ -108,7 +108,7 @@ def load_parameters(access: Access, source: Path) -> int:
 
 
 def _each(names: list[str], act: Callable[[str], float]) -> tuple[dict[str, float], list[WirebondError]]:
-    """What came of each; a refusal does not keep the others."""
+    """Apply an action to each name and collect the results; a refusal does not stop the others."""
     found: dict[str, float] = {}
     refused: list[WirebondError] = []
     for name in names:

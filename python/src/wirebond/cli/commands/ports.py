@@ -1,4 +1,4 @@
-"""What ``wirebond ports`` does: the serial ports of this machine, for a person or as JSON."""
+"""``wirebond ports``: lists the serial ports of this machine, for a person or as JSON."""
 
 from __future__ import annotations
 

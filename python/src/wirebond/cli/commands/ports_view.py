@@ -1,4 +1,4 @@
-"""How ``wirebond ports`` shows ports to a person: two lines for each, and a third where something is in the way."""
+"""Shows ports to a person: two lines for each, and a third for a problem."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What ``wirebond info`` and ``wirebond export`` do."""
+"""``wirebond info`` and ``wirebond export``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How ``wirebond info`` shows a recording: as lines for a person, and as values for JSON."""
+"""Shows a recording for ``wirebond info``: as lines for a person, and as values for JSON."""
 
 from __future__ import annotations
 

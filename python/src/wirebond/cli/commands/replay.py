@@ -28,7 +28,7 @@ _PATIENCE = 200  # looks at a program that does not read; not a time, which a pa
 
 
 def section_of(speed: str, start: str | None, stop: str | None, loop: bool) -> Section:
-    """Of the command's options."""
+    """Return the section that the command's options select."""
     found = {}
     for name, option, text in (("speed", "--speed", speed), ("from", "--from", start), ("to", "--to", stop)):
         try:
@@ -44,7 +44,7 @@ class HangUpError(Exception):
 
 
 def replay_to_pty(path: Path, protocol: Path | None, section: Section, sender: str | None, link: Path | None) -> int:
-    """What the recorded link read comes out of the pty; what is written to it is read and dropped."""
+    """Write to a pty what the recorded link read; bytes written to the pty are read and dropped."""
     recording = _read(path, protocol)
     direction = "received" if sender is None else recording.direction_of(sender)
     port = PtyPort()

@@ -37,7 +37,7 @@ _LOOK = 0.2  # seconds between two looks at the port and at who is in control
 
 @dataclass(frozen=True)
 class Serving:
-    """What ``wirebond serve`` was given. No ``paths`` and no ``port``: the page of the console chooses them."""
+    """The arguments of ``wirebond serve``. Without ``paths`` and ``port`` the console's page chooses them."""
 
     paths: Sequence[Path]
     port: str | None
@@ -65,7 +65,7 @@ class _Served:
     console: Console | None
 
     def now(self) -> tuple[Link, Server] | None:
-        """What is served at this moment: the page may connect to another port, or to none."""
+        """Return the current link and server, because the page may connect to another port, or to none."""
         return (self.link, self.server) if self.console is None else _shown_by(self.console)
 
 
@@ -135,7 +135,7 @@ def _serve(
 
 
 def _refuse_for_several(given: Serving, codecs: Sequence[Codec]) -> None:
-    """What one link alone can have."""
+    """Refuse options that only a single link can have."""
     names = [codec.name for codec in codecs]
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
@@ -153,7 +153,7 @@ def _refuse_for_several(given: Serving, codecs: Sequence[Codec]) -> None:
 
 
 def _refuse_without_unix_sockets(given: Serving) -> None:
-    """What needs a server's name."""
+    """Refuse what needs a server's name."""
     if given.tcp is None and given.web is None:
         raise UsageError(NO_UNIX_SOCKETS)
     if given.ros2:
@@ -200,7 +200,7 @@ def _console(address: tuple[str, int], given: Serving) -> Console:
 
 
 def _token(given: Serving, host: str) -> str | None:
-    """What was given. On this computer alone it stays the same when the server starts again; None: a new one."""
+    """Return the given token. For this computer alone the same token is used after a restart; None: a new one."""
     return given.token or (kept_token() if is_loopback(host) else None)
 
 

@@ -1,4 +1,4 @@
-"""What ``wirebond soak`` does: run, show the progress, tell the result for a person or as JSON."""
+"""``wirebond soak``: runs, shows the progress, and reports the result for a person or as JSON."""
 
 from __future__ import annotations
 

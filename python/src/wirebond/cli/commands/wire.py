@@ -1,4 +1,4 @@
-"""What ``wirebond wire`` does: two names for two ptys, the wire between them, its account at the end."""
+"""``wirebond wire``: makes two names for two ptys, joins them by a wire, and prints its account at the end."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _FAULTS = {
 
 
 def line_shape(line: str) -> LineShape:
-    """Of ``8N1`` and the like.
+    """Return the shape of a byte for ``8N1`` and the like.
 
     :raises UsageError: it is something else.
     """

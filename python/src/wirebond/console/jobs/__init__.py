@@ -1,4 +1,4 @@
-"""What takes long, done in a process of its own: whoever moves a line's bytes does not wait for it."""
+"""Does long work in another process, so that the thread that moves a line's bytes does not wait for it."""
 
 from wirebond.console.jobs.worker import JobError, Worker, as_json
 

@@ -20,7 +20,7 @@ _KEPT = 4  # results of each kind
 
 @lru_cache(_KEPT)
 def codec_of(text: str, name: str = EDITED) -> Codec:
-    """The same text is read once.
+    """Return the codec; the same text is read once.
 
     :raises ProtocolFileError: the text is no protocol file.
     """
@@ -36,7 +36,7 @@ def document(text: str, name: str) -> dict[str, Any]:
 
 @lru_cache(_KEPT)
 def findings(text: str, name: str) -> dict[str, Any]:
-    """What the lint says."""
+    """Return the findings of the lint."""
     return lint(codec_of(text, name), Places.of_text(text)).as_dict()
 
 
@@ -50,7 +50,7 @@ def checked(text: str) -> dict[str, Any]:
 
 
 def problems_of(error: ProtocolFileError) -> list[dict[str, Any]]:
-    """What is wrong with a protocol file, and where."""
+    """Return the problems of a protocol file with their places."""
     return [{"message": p.sentence, "line": p.line, "column": p.column} for p in error.problems]
 
 

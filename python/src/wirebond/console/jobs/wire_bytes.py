@@ -23,12 +23,12 @@ _MOST_SHOWN = 8
 
 
 def explained(text: str, name: str, data: bytes, sender: End | None) -> dict[str, Any]:
-    """What the bytes mean under this file."""
+    """Return the meaning of the bytes under this file."""
     return explanation_dict(explain(codec_of(text, name).model, data, sender))
 
 
 def identified(data: bytes) -> dict[str, Any]:
-    """Which known formats these bytes are of, the best first; where none fits, what can be said of them."""
+    """Return the known formats of these bytes, best first; if none fits, a description of the bytes."""
     known = known_formats()
     candidates = rank(data, known.formats)
     other = look_at_unfitting(data, known.formats, candidates)
@@ -58,7 +58,7 @@ def candidates_dict(candidates: Sequence[Candidate], size: int, tried: int) -> d
 
 
 def decoded_recording(text: str, path: Path, capture_of: tuple[str, str] | None) -> dict[str, Any]:
-    """How a recording decodes under its own file and under this one.
+    """Decode a recording under its own file and under this one.
 
     :param capture_of: text and name of the file that a raw capture is decoded with; None: it is no capture.
     """
@@ -70,7 +70,7 @@ def decoded_recording(text: str, path: Path, capture_of: tuple[str, str] | None)
 
 
 def decoded_reads(text: str, own: tuple[str, str], role: End, reads: dict[End, Reads]) -> dict[str, Any]:
-    """How these bytes decode under the file in force, ``own`` (text and name), and under this one."""
+    """Decode these bytes under the current file, ``own`` (text and name), and under this one."""
     edited, codec = codec_of(text), codec_of(*own)
     before = _source(codec, role, codec.model.idle_seconds, reads)
     return _compared(before, _source(edited, role, edited.model.idle_seconds, reads))
@@ -94,7 +94,7 @@ def _source(codec: Codec, role: End, idle: float, reads: dict[End, Reads]) -> So
 
 
 def _account(source: Source) -> dict[str, Any]:
-    """Of both ends together."""
+    """Return the account of both ends together."""
     out: dict[str, Any] = {"bytes": 0, "frames": 0, "unknown_frames": 0, "discarded_bytes": {}, "messages": {}}
     for end in ENDS:
         stats = source.streams[end].stats()

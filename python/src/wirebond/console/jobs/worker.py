@@ -41,7 +41,7 @@ class Worker:
         self._is_closed = False
 
     def run(self, work: Callable[_P, _T], *args: _P.args, **keywords: _P.kwargs) -> _T:
-        """What ``work`` returns; what it raises is raised here. It is a function of a module, and all can be pickled.
+        """Return the result of ``work``, or raise its exception. It is a function of a module, and all can be pickled.
 
         :raises JobError: it was given up.
         """

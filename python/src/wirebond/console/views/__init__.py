@@ -1,4 +1,4 @@
-"""What a client of ``/views`` can see, beside plots: one file for each view. Values only; no socket."""
+"""The views for a client of ``/views``, apart from plots: one file each. Values only; no socket."""
 
 from typing import Any
 

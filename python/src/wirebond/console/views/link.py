@@ -33,7 +33,7 @@ class LinkView(View[bool]):
 
 
 def _short_state(served: Served) -> tuple[Any, ...]:
-    """What a person wants to know at once when it changes."""
+    """Return the facts whose changes a person wants to see at once."""
     link, server = served.link, served.server
     recording = server.recordings.current
     return link.state, link.why, link.stopped, server.holder, server.client_count, recording is not None
@@ -87,6 +87,6 @@ def _link_state(served: Served) -> dict[str, Any]:
 
 
 def _no_link(connecting: dict[str, Any] | None) -> dict[str, Any]:
-    """The same where there is none."""
+    """Return the same if there is no link."""
     tried = None if connecting is None else with_chinese(connecting, "why")
     return {"t": time.monotonic(), "wall": time.time(), "connected": False, "connecting": tried}

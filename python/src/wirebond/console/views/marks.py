@@ -1,4 +1,4 @@
-"""What is marked on a line of time: events, bytes in no frame, deadlines at the MCU; each once."""
+"""The marks on a line of time: events, bytes in no frame, deadlines at the MCU; each once."""
 
 from __future__ import annotations
 

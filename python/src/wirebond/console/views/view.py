@@ -1,4 +1,4 @@
-"""What a view is: what a client may want to see, and what it lacks then. No socket."""
+"""The base of a view: what a client may ask to see, and what it then lacks. No socket."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ W = TypeVar("W")
 
 @dataclass(frozen=True)
 class Scene:
-    """What all views of one client look at, in one round.
+    """The state that all views of one client use in one round.
 
     :ivar now: monotonic, in seconds.
     :ivar source: the link's history or a recording's; None: there is neither.
@@ -40,7 +40,7 @@ class View(ABC, Generic[W]):
 
     @abstractmethod
     def round(self, scene: Scene) -> dict[str, Any] | None:
-        """What the client lacks now; None: nothing."""
+        """Return what the client lacks now; None: nothing."""
 
     def moved(self) -> None:
         """From now on another time of the recording is shown."""
@@ -64,4 +64,4 @@ class SourceView(View[W]):
 
     @abstractmethod
     def look(self, source: Source, scene: Scene) -> dict[str, Any] | None:
-        """What the client lacks now; None: nothing."""
+        """Return what the client lacks now; None: nothing."""

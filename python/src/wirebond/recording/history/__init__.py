@@ -1,4 +1,4 @@
-"""What a link or a recording brought, kept as columns: newest values, frames, least and greatest per pixel."""
+"""Keeps the data of a link or a recording as columns: newest values, frames, minimum and maximum per pixel."""
 
 from wirebond.recording.history.history import History
 

@@ -1,4 +1,4 @@
-"""What happened, as sentences: events of a link or a recording, numbered, the oldest dropped first."""
+"""The events of a link or a recording as sentences, numbered, the oldest dropped first."""
 
 from __future__ import annotations
 

@@ -103,7 +103,7 @@ class History:
 
     @property
     def bytes(self) -> int:
-        """How much memory all of it takes."""
+        """The memory that all of it takes."""
         with self._lock:
             return self._bytes()
 
@@ -112,7 +112,7 @@ class History:
 
     @property
     def most(self) -> int | None:
-        """How much they may take."""
+        """The maximum memory."""
         return self._most
 
     def range(self) -> tuple[float, float] | None:
@@ -133,17 +133,17 @@ class History:
         return [] if track is None else list(track.types)
 
     def count(self, end: End, name: str) -> int:
-        """How many of this message ever came."""
+        """Return how many of this message ever arrived."""
         track = self._tracks.get((end, name))
         return 0 if track is None else track.count
 
     def count_between(self, end: End, name: str, begin: float, end_time: float) -> int:
-        """How many of them have a time from ``begin`` on, and before ``end_time``, as far as they are kept."""
+        """Return how many of the kept ones have a time from ``begin`` on, and before ``end_time``."""
         with self._lock:
             return self._tracks[end, name].count_between(begin, end_time)
 
     def first(self, end: End, name: str) -> float | None:
-        """When the oldest came that is kept; None: there is none."""
+        """Return the time of the oldest kept message, or None."""
         with self._lock:
             return self._tracks[end, name].first
 
@@ -227,7 +227,7 @@ class History:
             }
 
     def type_of(self, field: str) -> np.dtype[Any]:
-        """How `pixels` gives this field's values.
+        """Return the type of this field's values in `pixels`.
 
         :raises UsageError: there is no such field.
         """

@@ -1,4 +1,4 @@
-"""What is marked on a line of time beside the events: bytes that were discarded, deadlines of the MCU that struck."""
+"""The marks on a line of time apart from events: discarded bytes, deadlines of the MCU that struck."""
 
 from __future__ import annotations
 

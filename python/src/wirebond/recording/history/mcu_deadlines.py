@@ -1,4 +1,4 @@
-"""Which deadlines at the MCU have struck, by what the host sent. No thread, no clock.
+"""Computes which deadlines at the MCU have struck, from the messages that the host sent. No thread, no clock.
 
 Most MCUs do not say that a deadline has struck. But its rule is in the protocol file, and silence is known at this end,
 too. What the MCU did not hear (noise, no power) is not known here, and neither is what came before the link was opened.
@@ -84,7 +84,7 @@ class McuDeadlines:
         ]
 
     def strikes(self, now: float) -> list[tuple[float, Deadline]]:
-        """Which have struck up to now, and when: each once."""
+        """Return the deadlines that have struck up to now, and when: each once."""
         for watch in self._all:
             if watch.has_struck(now):
                 self._strike(watch, watch.since)

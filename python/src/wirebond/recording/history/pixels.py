@@ -32,7 +32,7 @@ class Pixels:
 
 
 def shown_type(kept: np.dtype[Any]) -> np.dtype[Any]:
-    """How values of a column are given: the smaller float that holds them."""
+    """Return the type for values of a column: the smallest float that holds them."""
     is_wide = kept.kind in _WIDE and kept.itemsize > (4 if kept.kind == "f" else 2)
     return np.dtype("<f8" if is_wide else "<f4")
 

@@ -1,4 +1,4 @@
-"""How long replies took, from the times of requests and replies alone. No thread, no clock."""
+"""Computes how long replies took, from the times of requests and replies. No thread, no clock."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _MOST_WAITING = 256
 
 
 class RoundTrips:
-    """Of all requests together. A reply belongs to the oldest request of its kind that waits."""
+    """The round trips of all requests together. A reply belongs to the oldest waiting request of its kind."""
 
     def __init__(self) -> None:
         self._asked: dict[str, deque[float]] = {}

@@ -1,4 +1,4 @@
-"""What views look at: a line's history, its newest bytes and its events. Live links and recordings are both of it."""
+"""The source of all views: a line's history, its newest bytes and its events. Live links and recordings are sources."""
 
 from __future__ import annotations
 
@@ -185,12 +185,12 @@ class Source:
             return found
 
     def heard(self, end: End) -> float | None:
-        """When the newest frame of this end came; None: none did."""
+        """Return the time of the newest frame of this end, or None."""
         with self._lock:
             return max((found.t for (of, _), found in self._newest.items() if of == end), default=None)
 
     def newest_until(self, end: End, name: str, until: float) -> Newest | None:
-        """The same, of those that came until then; where the bytes are kept."""
+        """Return the same up to this time, if the bytes are kept."""
         with self._lock:
             stream = self.streams[end]
             entries = stream.newest(1, name, False, until)
@@ -219,7 +219,7 @@ class Source:
 
 
 def _fields(stream: Stream, name: str, table: Mapping[str, Any], row: int) -> Mapping[str, Any] | None:
-    """Of a frame whose bytes are kept still."""
+    """Return the fields of a frame whose bytes are still kept."""
     raw = stream.raw(int(table["offset"][row]), int(table["size"][row]))
     message = stream.message(raw, name, float(table["t"][row]))
     return None if message is None else message.fields

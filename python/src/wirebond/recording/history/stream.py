@@ -81,7 +81,7 @@ class Stream:
 
     @property
     def held_bytes(self) -> int:
-        """Of memory, for what is kept."""
+        """The memory of the kept bytes."""
         return sys.getsizeof(self._bytes) + self._frames_bytes + len(self._read_ends) * _OF_READ
 
     def tables(self) -> dict[str, Any]:
@@ -114,7 +114,7 @@ class Stream:
         breaks: Sequence[int] = (),
         expected: Sequence[tuple[int, int]] = (),
     ) -> dict[str, Any]:
-        """The same of bytes that are together already; ``ends``: of each read."""
+        """Do the same for bytes that are already together; ``ends``: the end of each read."""
         reads = {"ends": ends, "times": times, "breaks": list(breaks), "expected": list(expected)}
         tables = self._follower.feed(data, reads)
         begin = self._begin + len(self._bytes)
@@ -159,7 +159,7 @@ class Stream:
                 self._discards.append((self._read_times[min(read, len(self._read_times) - 1)], size))
 
     def take_discards(self) -> list[tuple[float, int]]:
-        """When bytes came that are in no frame, and how many, without delimiters: since the last call."""
+        """Return when bytes arrived that are in no frame, and how many, without delimiters: since the last call."""
         found, self._discards = self._discards, []
         return found
 

@@ -91,8 +91,8 @@ class Chunk:
         self._hold(size)
 
     def least_and_greatest(self, names: Sequence[str], edges: NDArray[np.intp]) -> list[tuple[Array, Array]]:
-        """Of these columns, of the rows between each two neighbours of ``edges``, which rise. NaN counts only where
-        there is no other."""
+        """Return minimum and maximum of these columns for the rows between each two neighbours of ``edges``, which
+        increase. NaN counts only if there is no other value."""
         if not self.is_whole or edges[-1] - edges[0] < 4 * BLOCK * len(edges):
             starts = edges[:-1] - edges[0]
             parts = [self._columns[name][edges[0] : edges[-1]] for name in names]
@@ -196,7 +196,7 @@ class Track:
         self.chunks.popleft()
 
     def count_between(self, begin: float, end: float) -> int:
-        """How many rows have a time from ``begin`` on, and before ``end``."""
+        """Return how many rows have a time from ``begin`` on, and before ``end``."""
         total = 0
         for chunk in reversed(self.chunks):
             low, high = np.searchsorted(chunk.t, (begin, end))
@@ -206,7 +206,7 @@ class Track:
         return total
 
     def counts(self, begins: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.intp]:
-        """How many rows have a time from each of ``begins`` to its end, both included. ``begins`` rise."""
+        """Return how many rows have a time from each of ``begins`` to its end, both included. ``begins`` increase."""
         total = np.zeros(len(begins), np.intp)
         for chunk in self.chunks_from(float(begins[0])):
             t = chunk.t

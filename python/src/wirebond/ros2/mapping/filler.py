@@ -60,7 +60,7 @@ class Tree:
         return count + sum(tree.stamp(frame, child_frame) for tree in inner if isinstance(tree, Tree))
 
     def plan(self, message: str) -> PackPlan | None:
-        """What `filler` does, for the engine; None where a value that changes has no fixed size."""
+        """Return the engine's form of `filler`; None if a changing value has no fixed size."""
         readers = dict(self._readers(()))
         if None in readers.values():
             return None

@@ -35,7 +35,7 @@ NodeName = Annotated[str, _matching(_NODE, "a node's name; write letters, digits
 
 @dataclass(frozen=True)
 class Source:
-    """Where a value comes from.
+    """The source of a value.
 
     :ivar path: a field of the other side, as ``state.estop``; empty: ``constant`` is the value.
     :ivar choose: what stands for each of its values; empty: the value itself.

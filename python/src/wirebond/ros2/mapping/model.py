@@ -1,4 +1,4 @@
-"""What a mapping file says, looked up and compared with the protocol and the types of ROS 2."""
+"""The content of a mapping file, resolved and compared with the protocol and the types of ROS 2."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ class OwnTypes:
 
     @property
     def names(self) -> list[str]:
-        """Of all types, as people write them."""
+        """Return the names of all types, as people write them."""
         return [f"{self.package}/{one.name}" for one in self._found.definitions]
 
     def named(self, name: str) -> RosType | None:
@@ -62,7 +62,7 @@ class OwnTypes:
         return self._types[self._name(self._found.messages[message])]
 
     def tree(self, message: str) -> Tree:
-        """What fills this message's type."""
+        """Return the sources that fill this message's type."""
         definition = self._found.messages[message]
         tree = Tree(self.of(message))
         for steps, reader in _readers(definition, (), "", _whole):
@@ -71,12 +71,12 @@ class OwnTypes:
         return tree
 
     def getters(self, message: str) -> tuple[tuple[str, Getter], ...]:
-        """How each field of this message is read from a message of its type."""
+        """Return how to read each field of this message from a message of its type."""
         members = self._found.messages[message].members
         return tuple((m.spec.name, _item(_whole, m.name, _from_ros(m))) for m in members if m.spec is not None)
 
     def plan(self, message: str) -> UnpackPlan | None:
-        """How the engine reads them; None: one of them is more than a number."""
+        """Return how the engine reads them; None: one of them is more than a number."""
         members = [(m.name, m.spec) for m in self._found.messages[message].members if m.spec is not None]
         if not all(_is_one_number(spec) for _, spec in members):
             return None
@@ -168,7 +168,7 @@ def _to_value(member: Member) -> _Convert:
 
 
 def _to_one(member: Member) -> _Convert:
-    """The same for one of its elements."""
+    """Return the same for one of its elements."""
     spec = member.spec
     if member.of is not None:
         inner = [(m.name, m.spec.name, _to_value(m)) for m in member.of.members if m.spec is not None]

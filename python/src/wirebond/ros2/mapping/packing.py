@@ -1,4 +1,4 @@
-"""What the engine needs to make a topic's bytes of a message: the bytes that stay, and the places of those that change.
+"""Prepares the bytes of a topic for the engine: the constant bytes, and the places of the changing ones.
 
 Made once from a mapping. `wirebond._engine.CdrPacker` applies it; what it cannot, the mapping's filler does.
 """

@@ -30,7 +30,7 @@ class What(StrEnum):
 
 @dataclass(frozen=True)
 class Leaf:
-    """What a path leads to.
+    """The value at the end of a path.
 
     :ivar count: of a list of these values: how many there are; None where that varies. 0: one value, no list.
     :ivar choices: names and words that it can be, where they are known.
@@ -68,7 +68,7 @@ Getter = Callable[[Mapping[str, Any]], Any]
 
 
 def wire_leaf(message: Message, path: str) -> tuple[Leaf, Getter]:
-    """What this path of a message leads to, and how it is read from the message's fields.
+    """Return the value at this path of a message, and how to read it from the message's fields.
 
     :raises PathError: to nothing.
     """
@@ -152,7 +152,7 @@ class RosPlace:
 
 
 def ros_place(type_: RosType, path: str) -> RosPlace:
-    """What this path of a message type leads to.
+    """Return the value at this path of a message type.
 
     :raises PathError: to nothing, or to something that has no one value.
     """
@@ -198,7 +198,7 @@ def _ros_leaf(path: str, field: RosField, many: bool) -> Leaf:
 
 
 def ros_getter(steps: tuple[str | int, ...]) -> Getter:
-    """How the value at this place is read from a received message.
+    """Return how to read the value at this place from a received message.
 
     The getter raises IndexError where a sequence is shorter than the path says.
     """

@@ -43,7 +43,7 @@ _LONGEST = 60.0  # seconds that a service may keep its caller waiting
 
 
 def default_mapping(protocol: Protocol) -> BridgeMapping:
-    """What holds without a file: every message has a topic with JSON."""
+    """Return the mapping without a file: every message has a topic with JSON."""
     return BridgeMapping(
         node=protocol.name.replace("-", "_"), json_out=_sent_by(protocol, End.MCU), json_in=_sent_by(protocol, End.HOST)
     )
@@ -329,7 +329,7 @@ class _Reader:
     def _values(
         self, message: Message, type_: RosType, fields: dict[str, Source], node: Node
     ) -> tuple[tuple[str, Getter], ...]:
-        """How each field of this message is read from a type of ROS."""
+        """Return how to read each field of this message from a type of ROS."""
         values: list[tuple[str, Getter]] = []
         for name, source in fields.items():
             key, value = _places(_in(node, "fields"), name)
@@ -401,7 +401,7 @@ def _place_in(node: Node | None, key: str) -> Place:
 
 
 def _places(node: Node | None, key: str) -> tuple[Place, Place]:
-    """Where a key and its value stand."""
+    """Return the places of a key and of its value."""
     if isinstance(node, Mapping):
         return node.key_place(key), node.value_place(key)
     return WHOLE_FILE, WHOLE_FILE

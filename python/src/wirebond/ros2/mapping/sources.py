@@ -22,7 +22,7 @@ class Sources:
     def of_message(
         self, source: Source, message: Message, target: Leaf, constants: dict[str, Any], place: Place
     ) -> Getter | None:
-        """How the source is read from the message; None for a constant."""
+        """Return how to read the source from the message; None for a constant."""
         if not source.path:
             self._constant(source.constant, target, place)
             return None
@@ -38,7 +38,7 @@ class Sources:
         return getter
 
     def of_topic(self, source: Source, type_: RosType, target: Leaf, place: Place) -> Getter | None:
-        """How the source is read from a message of this type; None where it cannot be."""
+        """Return how to read the source from a message of this type, or None if that is not possible."""
         if not source.path:
             self._constant(source.constant, target, place)
             return lambda _: source.constant

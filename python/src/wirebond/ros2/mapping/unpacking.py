@@ -1,4 +1,5 @@
-"""What the engine needs to make a message's frame of a topic's bytes: how to walk through them, and what to take.
+"""Prepares a topic's bytes for the engine, which makes a message's frame of them: how to walk through them, and what to
+take.
 
 Made once from a mapping. `wirebond._engine.CdrCommand` applies it; what it cannot, the mapping's getters do.
 """

@@ -1,4 +1,4 @@
-"""How long a link takes: `measure.py` asks and times, `figures.py` makes percentiles, `plot.py` draws."""
+"""Measures the latency of a link: `measure.py` asks and times, `figures.py` makes percentiles, `plot.py` draws."""
 
 from wirebond.sim.latency.figures import Figures, figures, histogram
 from wirebond.sim.latency.measure import Measurement, Probe, measure, probe_for

@@ -11,7 +11,7 @@ BINS = 16  # of a histogram
 
 @dataclass(frozen=True)
 class Figures:
-    """Of times in seconds. A percentile is a time that was measured: the smallest that is not exceeded by that part."""
+    """Percentiles of times in seconds. Each is a measured time: the smallest that is not exceeded by that part."""
 
     count: int
     least: float

@@ -20,7 +20,7 @@ _AWAY = 0.05  # seconds between two tries while the port is away
 
 @dataclass(frozen=True)
 class Probe:
-    """What is asked.
+    """The request to measure.
 
     :ivar message: a message of the host that has a reply.
     :ivar values: its fields.
@@ -57,7 +57,7 @@ def probe_for(codec: Codec, message: str | None, values: Mapping[str, Any]) -> P
 
 @dataclass
 class Measurement:
-    """What was measured so far; times in seconds.
+    """The measurements so far; times in seconds.
 
     :ivar round_trips: from the moment in which the request was handed to the port to that in which the reply was read.
     :ivar to_mcu: one way, where the MCU's clock is known; the exchanges of the clock service tell.

@@ -1,4 +1,4 @@
-"""What a soak costs the MCU's processor: computed from counted instructions, not measured."""
+"""Computes the cost of a soak for the MCU's processor from counted instructions. Nothing is measured."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ SOURCE = "instructions counted by `make bench ONLY=m4_runtime`, one a cycle, wit
 
 
 def mcu_cpu_percent(result: dict[str, Any]) -> float | None:
-    """Of a processor of 170 MHz; None where the protocol's instructions were not counted. A send that is refused counts
-    as a whole one."""
+    """Return the share of a processor of 170 MHz; None if the protocol's instructions were not counted. A refused send
+    counts as a whole one."""
     if result["protocol"] != PROTOCOL or not result["virtual_seconds"]:
         return None
     work = result["mcu_work"]

@@ -1,4 +1,4 @@
-"""What both ends of a soak offer: which messages, how often, from which samples."""
+"""The traffic that both ends of a soak offer: which messages, how often, from which samples."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Mix:
         return self.host if end == End.HOST else self.mcu
 
     def bytes_per_round(self, codec: Codec, end: End) -> float:
-        """Of all topics or tasks together, each once; of the samples' mean size."""
+        """Return the bytes of all topics or tasks together, each once; with the mean size of the samples."""
         turns = self.turns(end)
         sizes = {turn.message: [len(frame) for frame in samples(codec, turn.message, end)] for turn in turns}
         return sum(turn.times * sum(sizes[turn.message]) / SAMPLES for turn in turns)

@@ -37,7 +37,7 @@ def is_good(result: dict[str, Any]) -> bool:
 
 
 def verdicts(result: dict[str, Any]) -> list[str]:
-    """What the soak showed, a sentence each."""
+    """Return the results of the soak, a sentence each."""
     lines = [
         f"{_count(result['unaccounted'], 'frame or byte', 'frames or bytes')} unaccounted for.",
     ]

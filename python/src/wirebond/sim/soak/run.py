@@ -93,7 +93,8 @@ def run(
     settings: Settings,
     on_progress: Callable[[Progress], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """What ``wirebond soak --json`` prints. KeyboardInterrupt ends it early: the result is that of the time until then.
+    """Return what ``wirebond soak --json`` prints. KeyboardInterrupt ends it early: the result then covers the time
+    until then.
 
     :raises UsageError: the protocol cannot be soaked, or not with this load, or there is no C++ compiler.
     :raises WirebondError: the program does not compile, or fails.

@@ -68,7 +68,7 @@ def _in_fields(
 
 
 def _room(field: Field) -> int:
-    """How many bits of a number the field takes, whatever they are."""
+    """Return how many bits of any number the field can carry."""
     is_free = field.minimum is None and field.maximum is None and not (field.enum or field.is_count or field.is_list)
     if not is_free or field.count is not None:
         return 0
@@ -81,7 +81,8 @@ def _room(field: Field) -> int:
 
 
 def _room_of_string(field: Field, value: str | bytes) -> int:
-    """The same of its first character, which becomes one of 64 to 127; none of a string that ends with one of these."""
+    """Return the same for its first character, which becomes one of 64 to 127; none if a string ends with one of
+    these."""
     has_room = len(value) > 0 or (field.room > 0 and not field.counted_by)
     return 6 if has_room and (field.ends_with is None or field.ends_with < 0x40) else 0
 

@@ -1,4 +1,4 @@
-"""What a plan says of its messages as C++ tables that a host reads at run time: the same as the engine's."""
+"""Writes a plan's messages as C++ tables that a host reads at run time: the same as the engine's."""
 
 from __future__ import annotations
 

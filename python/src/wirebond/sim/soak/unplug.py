@@ -1,4 +1,4 @@
-"""When the host's port goes away in a soak, and when it comes back."""
+"""The times at which the host's port goes away in a soak, and comes back."""
 
 from __future__ import annotations
 
