@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Locator, Page, expect
 
 import wirebond
 from tests.page.conftest import DIFFDRIVE, Rover, Seat, seat_of
@@ -63,6 +63,21 @@ def downloaded(page: Page, label: str, message: str, to: Path) -> list[dict[str,
     found.value.save_as(to)
     with to.open(newline="") as file:
         return list(csv.DictReader(file))
+
+
+def kept_recording(page: Page, to: Path) -> Recording:
+    """Download the only recording."""
+    with page.expect_download() as found:
+        page.get_by_role("button", name="MCAP").click()
+    found.value.save_as(to)
+    return Recording(to)
+
+
+def opened_row(page: Page, message: str) -> Locator:
+    """Open the only recording, and find the last message of this name."""
+    page.get_by_role("button", name="Open", exact=True).click()
+    page.locator("nav").get_by_text("Messages", exact=True).click()
+    return page.get_by_role("row").filter(has_text=message)
 
 
 @contextmanager
@@ -141,21 +156,32 @@ def test_a_recording_is_opened_again_and_read_by_wirebond(rover: Rover, tmp_path
     page.keyboard.up("ArrowUp")
     page.locator("nav").get_by_text("Recordings", exact=True).click()
     page.get_by_role("button", name="Stop recording").click()
-    with page.expect_download() as found:
-        page.get_by_role("button", name="MCAP").click()
-    path = tmp_path / "run.mcap"
-    found.value.save_as(path)
-    recording = Recording(path)
+    recording = kept_recording(page, tmp_path / "run.mcap")
     sent = [message for message in recording.messages("host") if message.name == "velocity"]
     assert any(message["linear"] > 0 for message in sent)
     assert {"lease_begun", "control"} <= {event.kind for event in recording.events}
-    assert subprocess.run([COMMAND, "info", str(path)], check=False, capture_output=True).returncode == 0
-    page.get_by_role("button", name="Open", exact=True).click()
-    page.locator("nav").get_by_text("Messages", exact=True).click()
-    row = page.get_by_role("row").filter(has_text="velocity")
+    assert subprocess.run([COMMAND, "info", str(recording.path)], check=False, capture_output=True).returncode == 0
+    row = opened_row(page, "velocity")
     expect(row).to_contain_text(sent[-1].raw.hex(" ").upper())
     page.reload()  # the browser keeps it
-    expect(page.get_by_role("row").filter(has_text="velocity")).to_contain_text(sent[-1].raw.hex(" ").upper())
+    expect(row).to_contain_text(sent[-1].raw.hex(" ").upper())
+
+
+def test_a_browser_that_deletes_recordings_is_named(rover: Rover) -> None:
+    page = rover.seat.connected("recordings")
+    record, stop = (page.get_by_role("button", name=name, exact=True) for name in ("Record", "Stop recording"))
+    record.click()
+    stop.click()
+    expect(page.locator("tbody tr")).to_have_count(1)
+    page.evaluate("""async () => {
+      const root = await navigator.storage.getDirectory();
+      await root.removeEntry("wirebond recordings", { recursive: true });
+    }""")
+    record.click()
+    expect(page.get_by_text("the browser has deleted the recordings of this page")).to_be_visible()
+    record.click()
+    stop.click()
+    expect(page.locator("tbody tr")).to_have_count(1)
 
 
 @pytest.mark.long
@@ -167,16 +193,9 @@ def test_ten_minutes_are_recorded_and_opened_again(rover: Rover, tmp_path: Path)
     page.get_by_role("button", name="Stop recording").click()
     name = page.locator("tbody tr td").first
     expect(name).to_have_text(re.compile(r"\.mcap$"))
-    with page.expect_download() as found:
-        page.get_by_role("button", name="MCAP").click()
-    path = tmp_path / "run.mcap"
-    found.value.save_as(path)
-    recording = Recording(path)
+    recording = kept_recording(page, tmp_path / "run.mcap")
     expected = [message for message in recording.messages("mcu") if message.name == "odometry"]
     assert expected[-1].t - expected[0].t > 590
     rows = downloaded(page, f"CSV: {name.inner_text()}", "odometry", tmp_path / "odometry.csv")
     assert len(rows) == len(expected)
-    page.get_by_role("button", name="Open", exact=True).click()
-    page.locator("nav").get_by_text("Messages", exact=True).click()
-    row = page.get_by_role("row").filter(has_text="odometry")
-    expect(row).to_contain_text(expected[-1].raw.hex(" ").upper())
+    expect(opened_row(page, "odometry")).to_contain_text(expected[-1].raw.hex(" ").upper())

@@ -28,12 +28,18 @@ interface SyncFile {
 }
 type Handle = FileSystemFileHandle & { createSyncAccessHandle(): Promise<SyncFile> };
 const FOLDER = "wirebond recordings";
+const PROBE = ".probe";
+const USED_EVERY = 60_000; // ms
+
+async function openFolder(): Promise<FileSystemDirectoryHandle> {
+  const root = await navigator.storage.getDirectory();
+  return root.getDirectoryHandle(FOLDER, { create: true });
+}
 
 export async function openStore(): Promise<Store> {
   try {
-    const root = await navigator.storage.getDirectory();
-    const folder = await root.getDirectoryHandle(FOLDER, { create: true });
-    const probe = (await folder.getFileHandle(".probe", { create: true })) as Handle;
+    const folder = await openFolder();
+    const probe = (await folder.getFileHandle(PROBE, { create: true })) as Handle;
     (await probe.createSyncAccessHandle()).close();
     return new Files(folder);
   } catch {
@@ -45,11 +51,25 @@ class Files implements Store {
   readonly isLasting = true;
   private keeping: Promise<void> = Promise.resolve();
 
-  constructor(private readonly folder: FileSystemDirectoryHandle) {}
+  /** Chromium 156 forgets the folders of an Incognito window that it has not looked up for 10 minutes. A recording that is
+   * written does not count. So the store looks something up every minute. */
+  constructor(private folder: FileSystemDirectoryHandle) {
+    setInterval(() => void this.folder.getFileHandle(PROBE, { create: true }).catch(() => {}), USED_EVERY);
+  }
 
+  /** Throws an `Error` with a sentence, once, if the folder was deleted with all recordings. */
   async names(): Promise<string[]> {
     const found: string[] = [];
-    for await (const name of this.folder.keys()) if (!name.startsWith(".")) found.push(name);
+    try {
+      for await (const name of this.folder.keys()) if (!name.startsWith(".")) found.push(name);
+    } catch (error) {
+      if ((error as Error).name !== "NotFoundError") throw error;
+      this.folder = await openFolder();
+      throw new Error(
+        "the browser has deleted the recordings of this page, as it does when site data is cleared; record again, and " +
+          "download what you want to keep",
+      );
+    }
     return found;
   }
 

@@ -338,12 +338,17 @@ class Page {
         found.push(this.recordingOf(this.recorder));
         continue;
       }
-      const file = await this.store.read(name);
-      const about = await aboutFile(file);
-      const state = about ? "closed" : "unreadable";
-      const { protocol = "", hash = "", started = 0 } = about ?? {};
-      const more = { seconds: null, notes: [], messages: null, lost_bytes: 0, error: "" };
-      found.push({ name, path: name, state, started, size: file.size, protocol, hash, ...more });
+      const more = { name, path: name, seconds: null, notes: [], messages: null, lost_bytes: 0 };
+      try {
+        const file = await this.store.read(name);
+        const about = await aboutFile(file);
+        const state = about ? "closed" : "unreadable";
+        const { protocol = "", hash = "", started = 0 } = about ?? {};
+        found.push({ ...more, state, started, size: file.size, protocol, hash, error: "" });
+      } catch (error) {
+        const { message } = error as Error;
+        found.push({ ...more, state: "unreadable", started: 0, size: 0, protocol: "", hash: "", error: message });
+      }
     }
     return found.sort((a, b) => (b.started as number) - (a.started as number));
   }
