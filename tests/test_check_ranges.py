@@ -83,7 +83,7 @@ def test_a_header_check_may_leave_something_out() -> None:
         ("[magic..id, id]", "`id` to `id` overlaps another range; name each part once"),
         ("[magic, id, payload, tail, tail]", "a check covers 1 to 4 ranges, not 5; join some, as in `id..payload`"),
         ("[]", "a check covers 1 to 4 ranges, not 0; join some"),
-        ("[id..magic]", "the range's first part stands behind its last; write `magic..id`"),
+        ("[id..magic]", "the range's first part comes after its last; write `magic..id`"),
         ("[id, length]", "the frame has no part `length`"),
         ("[id, 7]", "`7` is not a range of parts; write `id..payload`, first and last part, or one part"),
     ],

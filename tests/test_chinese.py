@@ -26,10 +26,9 @@ PACKAGE = ROOT / "python" / "src" / "wirebond"
 # What raises or refuses in these is shown by the page.
 SHOWN = ["console/*.py", "server/c*.py", "server/recording*.py", "server/stop.py", "history/history.py", "jobs/*.py"]
 NOT_SHOWN = re.compile(
-    "the console's token stands|only the console's own page|is not this console|records of frames|"
-    "the first message must|at once; close a recording|expected 1024 to|recordings of all clients|"
-    "no recording with the number|JSON object of at|"
-    "a page is for a protocol that|the console's page, or its engine for browsers"
+    "the console's token is part|only the console's own page|is not this console|records of frames|the first message "
+    "must|at once; close a recording|expected 1024 to|recordings of all clients|no recording with the number|JSON "
+    "object of at|a page is for a protocol that|the console's page, or its engine for browsers"
 )  # for programs and the command line, or before there is a page
 REFUSING = {"RefusedError", "refuse", "refusal", "_tell_error"}
 FILES = sorted((ROOT / "protocols").rglob("*.yaml"))

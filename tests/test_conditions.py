@@ -224,7 +224,7 @@ def test_a_magic_that_is_asked_for_is_sent_or_refused(late: bool) -> None:
     (message,) = codec.decoder("mcu").feed(wanted)
     assert message.header == {"magic": 0xA2}
     if late:
-        with pytest.raises(MessageError, match="with this header the frame's length can tell at most 255"):
+        with pytest.raises(MessageError, match="with this header the frame's length can express at most 255"):
             codec.encode("block", data=bytes(size), header={"magic": 0xA1})
     with pytest.raises(MessageError, match="no form of the frame has the header fields magic"):
         codec.encode("block", data=b"", header={"magic": 0xA3})
@@ -293,7 +293,7 @@ def test_conditions_are_read_and_shown(written: str, shown: str) -> None:
         ("kinds == 1", "the header has no field `kinds`; did you mean `kind`"),
         ("kind == pong", "`kind` has no value `pong`; did you mean `ping`"),
         ("flags == ping", "`flags` has no named values; write a number"),
-        ("kind == 300", "`kind` has 8 bits, and 300 does not fit them"),
+        ("kind == 300", "`kind` has 8 bits, and 300 does not fit; the maximum is"),
         ("kind & 0x100", "`kind` has 8 bits; take a lower one"),
         ("flags & 0x0F == 0x10", "0x10 has bits that 0x0F does not select"),
         ("magic == 0xA3", "no magic of this frame has that value"),
@@ -301,7 +301,7 @@ def test_conditions_are_read_and_shown(written: str, shown: str) -> None:
         ("magic in 161..162", "a magic is compared with bytes; write"),
         ("magic & 1", "`magic` has no bits to select"),
         ("sender == robot", "the sender is `host` or `mcu`"),
-        ("later == 1", "`later` must stand in the header, before what it decides about"),
+        ("later == 1", "`later` must be in the header, before the parts that depend on it"),
     ],
 )
 def test_a_wrong_condition_is_refused_with_a_sentence(written: str, sentence: str) -> None:
@@ -317,14 +317,17 @@ def test_a_wrong_condition_is_refused_with_a_sentence(written: str, sentence: st
     [
         (
             "magic: 0xA1, {reserved: 2, when: size > 4}, length: {type: u8, counts: rest}, id: u8",
-            "cannot tell a frame with",
+            "cannot distinguish a frame with",
         ),
         (
             "{magic: 0xA1, when: size > 4}, {magic: 0xA2, when: size > 6}, length: u8, id: u8",
-            "two parts with a magic can",
+            "one frame can contain two parts with a magic",
         ),
         ("{magic: 0xA1, when: sender == host}, length: u8, id: u8", "frames of the MCU have no magic"),
-        ("{magic: 0xA1, when: id == 1}, length: u8, id: u8", "`id` must stand in the header, before what it decides"),
+        (
+            "{magic: 0xA1, when: id == 1}, length: u8, id: u8",
+            "`id` must be in the header, before the parts that depend on it",
+        ),
         (
             "{magic: 0xA1, when: size > 4}, {magic: 0xA2 0xA3, when: size <= 4}, length: u8, id: u8",
             "the same number of",
@@ -404,7 +407,7 @@ def test_the_id_that_is_sent_chooses_the_form(tmp_path: Path) -> None:
 
 
 def test_what_a_length_run_counts_is_said_beside_the_runs() -> None:
-    with pytest.raises(ProtocolFileError, match="write `counts` beside `fields`"):
+    with pytest.raises(ProtocolFileError, match="`counts` belongs to the whole part"):
         protocol(
             "refused",
             "magic: 0xA1, {bits: u16, fields: {id: 6, length: {bits: 10, counts: rest}}}, "

@@ -119,7 +119,11 @@ def test_a_text_without_a_delimiter_comes_back(text: str) -> None:
 
 @pytest.mark.parametrize("text", ENDING)
 def test_python_refuses_a_text_with_a_delimiter(text: str) -> None:
-    with pytest.raises(MessageError, match=r"line.text has at its byte . what ends or begins a frame on the wire \(0x"):
+    with pytest.raises(
+        MessageError,
+        match=r"line.text has at its byte . the bytes that end or begin a frame on the "
+        r"wire \(0x",
+    ):
         CODEC.encode("line", {"name": "ab", "text": text}, sender="mcu")
     with pytest.raises(MessageError, match=r"line.name "):
         CODEC.encode("line", {"name": "a$", "text": ""}, sender="mcu")

@@ -138,7 +138,7 @@ def test_a_payload_without_the_end_is_delivered_with_its_violation(payload: str,
 @pytest.mark.parametrize(
     ("field", "sentence"),
     [
-        ("{type: text, size: 4, ends_with: 0x00}", "what ends with a byte has no `size` beside it; write `max: 16`"),
+        ("{type: text, size: 4, ends_with: 0x00}", "a field with `ends_with` has no `size`; write `max: 16`"),
         ("{type: text, ends_with: 0x00}", "a text field needs a size"),
         ("{type: text, max: 4, ends_with: 0xC3}", "bytes from 0x80 on are parts of letters in UTF-8"),
         ("{type: u8, ends_with: 0x00}", "`ends_with` is for text and bytes; remove it"),

@@ -342,13 +342,13 @@ def changed(at: int, value: int) -> bytes:
 @pytest.mark.parametrize(
     ("payload", "sentence"),
     [
-        (changed(0, 200), "scan.n tells 200 elements, and scan.points has at most 5"),
-        (SCAN_BYTES[:28], "scan.n tells 2 elements, and scan.points has 0 in this payload"),
-        (changed(18, 200), "scan.name_size tells 200 bytes, and scan.name has at most 9"),
-        (changed(len(SCAN_BYTES) - 4, 3), "scan.legs[0].many tells 3 elements, and scan.legs[0].steps has 1 in this"),
+        (changed(0, 200), "scan.n says 200 elements, and scan.points has at most 5"),
+        (SCAN_BYTES[:28], "scan.n says 2 elements, and scan.points has 0 in this payload"),
+        (changed(18, 200), "scan.name_size says 200 bytes, and scan.name has at most 9"),
+        (changed(len(SCAN_BYTES) - 4, 3), "scan.legs[0].many says 3 elements, and scan.legs[0].steps has 1 in this"),
         (changed(5, 7), "scan.origin.mode is 7, which is no enumerator"),
         (changed(7, 0x7F), "scan.points[0].x = 32.513 m is outside -30 ... 30 m"),
-        (changed(len(SCAN_BYTES) - 1, 9), "scan.legs[1].many tells 9 elements"),
+        (changed(len(SCAN_BYTES) - 1, 9), "scan.legs[1].many says 9 elements"),
     ],
     ids=range(7),
 )

@@ -134,7 +134,7 @@ def test_generated_code_says_that_the_chosen_form_has_no_room(tmp_path: Path) ->
 
 def test_a_message_longer_than_every_length_is_refused_when_the_file_is_read() -> None:
     frame = f"magic: {{any: [0xA1, 0xA2]}}, {NARROW_FIRST}, id: u8, payload: by_length, {CRC}".replace("u16", "u8")
-    with pytest.raises(ProtocolFileError, match="up to 400 payload bytes; the frame's length can tell 255 at most"):
+    with pytest.raises(ProtocolFileError, match="up to 400 payload bytes; the frame's length can express 255 at most"):
         protocol("narrow", frame, BLOCK)
 
 
@@ -147,7 +147,7 @@ def test_header_values_that_ask_for_a_narrow_length_are_refused_with_a_sentence(
     )
     codec = Codec(model)
     assert round_trip(codec, "block", "mcu", data=bytes(300)).startswith(b"\xa1\x01\x2c\x01")
-    with pytest.raises(MessageError, match="has 300 bytes; with this header the frame's length can tell at most 0"):
+    with pytest.raises(MessageError, match="has 300 bytes; with this header the frame's length can express at most 0"):
         codec.encode("block", data=bytes(300), header={"flags": 0})
 
 
@@ -276,7 +276,7 @@ def test_an_id_that_no_form_of_the_sender_has_is_refused() -> None:
             "{a: {sender: mcu}, b: {sender: mcu}}",
             "can carry one message from the MCU, which is `a` .*; give it an id, or",
         ),
-        ("{a: {id: 0xFFFFFFFF, sender: mcu}}", "does not fit the frame's id part, whose greatest is 4294967294"),
+        ("{a: {id: 0xFFFFFFFF, sender: mcu}}", "does not fit the frame's id part, whose maximum is 4294967294"),
     ],
 )
 def test_what_a_frame_without_an_id_cannot_tell_is_refused(messages: str, sentence: str) -> None:
@@ -373,7 +373,7 @@ def test_an_id_that_fits_only_the_other_end_s_frames_is_refused_and_the_widest_c
     sentence = r"`far` has the id 274 \(0x112\), and those of the host's frames go up to 255 \(0xFF\); take a smaller"
     with pytest.raises(ProtocolFileError, match=sentence):
         protocol("ends", frame, "{far: {id: 0x112, sender: host}}")
-    with pytest.raises(ProtocolFileError, match=r"id 65536 does not fit the frame's id part, whose greatest is 65535"):
+    with pytest.raises(ProtocolFileError, match=r"id 65536 does not fit the frame's id part, whose maximum is 65535"):
         protocol("ends", frame, "{far: {id: 0x10000, sender: mcu}}")
     with pytest.raises(ProtocolFileError, match=r"no frame of the host carries `far` with 0 payload bytes; let the"):
         protocol("match", TWO_IDS, "{far: {id: 0x112, sender: host, match: {magic: 0xA1}}}")

@@ -87,19 +87,19 @@ def test_a_sender_writes_what_tells_the_message_and_a_receiver_reads_it(
             "run_motor",
             {"command": 3, "speed": 1},
             {},
-            "run_motor.command is 3 (0x03); its frames are told by 2 (0x02), 5 (0x05) to 9 (0x09) there",
+            "run_motor.command is 3 (0x03); its frames are identified by 2 (0x02), 5 (0x05) to 9 (0x09) there",
         ),
         (
             "add",
             {"item": 1, "data": b""},
             {},
-            "the payload of add has 2 bytes; its frames are told by 9 (0x09) to 12 (0x0C) there",
+            "the payload of add has 2 bytes; its frames are identified by 9 (0x09) to 12 (0x0C) there",
         ),
         (
             "motor_current",
             {"part": 2, "head": {"part": 1, "number": 5}, "current": 3, "spare": {"part": 2, "number": 0}},
             {},
-            "motor_current.head.part is 1 (0x01); its frames are told by 2 (0x02), 5 (0x05) to 9 (0x09) there",
+            "motor_current.head.part is 1 (0x01); its frames are identified by 2 (0x02), 5 (0x05) to 9 (0x09) there",
         ),
         ("stop_motor", {"command": 1}, {}, "stop_motor has no field 'command'; it has no fields"),
     ],
@@ -231,13 +231,13 @@ def with_messages(messages: str, frame: str = LENGTH) -> str:
     [
         (
             with_messages("  a: {id: 1..5, sender: host}\n  b: {id: [3, 9], sender: host}\n"),
-            "the host sends `a` (line 5) and `b`, and a frame with the id 3 (0x03) is both; let `id` or `match` tell "
-            "them apart, or name one as the `reply` of its request",
+            "the host sends `a` (line 5) and `b`, and a frame with the id 3 (0x03) fits both; distinguish them by "
+            "`id` or `match`, or make one the `reply` of its request",
         ),
         (
             with_messages("  a: {id: 1, sender: host, match: {kind: 1}}\n  b: {id: 1, sender: host}\n"),
-            "the host sends `a` (line 5) and `b`, and a frame with the id 1 (0x01), `kind` 1 (0x01) is both; let `id` "
-            "or `match` tell them apart, or name one as the `reply` of its request",
+            "the host sends `a` (line 5) and `b`, and a frame with the id 1 (0x01), `kind` 1 (0x01) fits both; "
+            "distinguish them by `id` or `match`, or make one the `reply` of its request",
         ),
         (
             with_messages("  a: {id: 1, sender: host, match: {kin: 1}}\n"),
@@ -246,7 +246,7 @@ def with_messages(messages: str, frame: str = LENGTH) -> str:
         ),
         (
             with_messages("  a: {id: 1, sender: host, match: {kind: 256}}\n"),
-            "`kind` has 8 bits, and 256 does not fit them; its greatest is 255",
+            "`kind` has 8 bits, and 256 does not fit; the maximum is 255",
         ),
         (
             with_messages("  a: {id: 1, sender: host, match: {size: 3}, fields: {x: {type: u16}}}\n"),
@@ -254,18 +254,18 @@ def with_messages(messages: str, frame: str = LENGTH) -> str:
         ),
         (
             with_messages("  a: {id: 1, sender: host, match: {id: 3}}\n"),
-            "the id stands beside `match`; write `id: 0x80..0xFF` in the message",
+            "the id is not part of `match`; write `id: 0x80..0xFF` in the message",
         ),
         (
             with_messages("  a: {id: [1, 2], sender: host}\n", LENGTH.replace("kind", "id")),
-            "`a` has several ids, which a received frame tells as the header field `id`, and the frame has a field of "
+            "`a` has several ids, so received frames have a header field `id`, but the frame already has a field of "
             "that name; rename that field",
         ),
         (
             with_messages("  a: {id: 1, sender: host, match: {x: 3}, fields: {x: {type: u8}}}\n",
                           "id: u8}, {payload: by_id}, {check: crc-16/modbus"),
-            "with `payload: by_id` the size of `a` must be known before its payload, and its `match` is not; match "
-            "what stands before the payload, or take a frame with a length",
+            "with `payload: by_id` the size of `a` must be known before its payload, but its `match` is not; match a "
+            "field before the payload, or use a frame with a length",
         ),
         (
             with_messages("  a: {id: 1, sender: host, match: {size: 1}, fields: {x: {type: u8}}}\n",
@@ -275,13 +275,13 @@ def with_messages(messages: str, frame: str = LENGTH) -> str:
         (
             with_messages("  a: {id: [1, 2], sender: host, seed: 3}\n",
                           "length: u8}, {id: u8}, {payload: by_length}, {check: {type: crc-16/modbus, seed: message}"),
-            "a check with `seed: message` counts a seed that the id alone tells; give `a` one id and no `match`, or "
-            "remove `seed: message`",
+            "with `seed: message` the id alone must determine the seed; give `a` one id and no `match`, or remove "
+            "`seed: message`",
         ),
         (
             with_messages("  a: {id: 1, sender: host, match: {servo: 1}}\n", LENGTH.replace(
                 "field: kind, type: u8", "field: servo, type: u8, address: mcu")),
-            "`servo` is an address, so that it tells no message; match another field",
+            "`servo` is an address, so it cannot identify a message; match another field",
         ),
         (
             with_messages("  a: {id: {mask: 0x80, value: 0x81}, sender: host}\n"),

@@ -193,7 +193,7 @@ TAIL = "messages:\n  m: {id: 0x10, sender: host, fields: {x: {type: u8}}}\n"
         ),
         (
             "[delimiter: 0x10, doubled: [id: u8, payload: rest], delimiter: 0x10 0x03]",
-            "the frame of `m` would begin with 0x10 behind the delimiter 0x10",
+            "the frame of `m` would begin with 0x10 after the delimiter 0x10",
         ),
         (
             "[delimiter: 0x10, doubled: [reserved: 1, id: u8, payload: rest], delimiter: 0x10 0x03]",
@@ -201,7 +201,7 @@ TAIL = "messages:\n  m: {id: 0x10, sender: host, fields: {x: {type: u8}}}\n"
         ),
         (
             "[magic: 0x7E, cobs: [id: u8, payload: by_id]]",
-            "stuffing needs a delimiter before and behind it",
+            "stuffing needs a delimiter before and after it",
         ),
         (
             "[length: u8, {escaped: {escape: 0x7D, xor: 0x20, parts: [id: u8, payload: by_length]}}]",
@@ -218,7 +218,7 @@ TAIL = "messages:\n  m: {id: 0x10, sender: host, fields: {x: {type: u8}}}\n"
         (
             "[magic: 0x7E, length: u8, {inserted: {after: 0xFF 0x00, byte: 0x01, parts: [id: u8, payload: by_length, "
             "check: crc-16/modbus]}}]",
-            "this check is taken before stuffing and covers the length",
+            "this check is calculated before stuffing and covers the length",
         ),
         (
             "[delimiter: 0x7E, {inserted: {after: 0xFF 0x00, byte: 0x01, parts: [id: u8, payload: rest]}}, "
@@ -241,7 +241,7 @@ def test_a_length_that_cannot_tell_the_stuffed_bytes_is_refused_by_the_loader() 
             frame = Codec(loads(text + messages)).encode("m", {"x": b"\x01\x02" * (size // 2)})
             assert frame[1] == size + size // 2
         else:
-            with pytest.raises((ProtocolFileError, MessageError), match="the frame's length can tell"):
+            with pytest.raises((ProtocolFileError, MessageError), match="the frame's length can express"):
                 loads(text + messages)
 
 

@@ -154,9 +154,9 @@ def test_where_a_length_tells_the_size_wrong_counts_are_violations(tmp_path: Pat
     codec = load(file)
     for counts, values, faults in (
         ((4, 2), [1, 2], []),
-        ((3, 1), [1], ["readings.size tells 3 bytes, and readings.values has 2 for each element"]),
-        ((2, 2), [1, 2], ["readings.size tells 2 bytes, and readings.values has 4 in this payload"]),
-        ((10, 2), [1, 2], ["readings.size tells 10 bytes, and readings.values has at most 8"]),
+        ((3, 1), [1], ["readings.size says 3 bytes, and readings.values has 2 for each element"]),
+        ((2, 2), [1, 2], ["readings.size says 2 bytes, and readings.values has 4 in this payload"]),
+        ((10, 2), [1, 2], ["readings.size says 10 bytes, and readings.values has at most 8"]),
     ):
         elements = b"".join(value.to_bytes(2, "big") for value in values)
         (message,) = codec.decoder("mcu").feed(framed(bytes([1, *counts]) + elements))

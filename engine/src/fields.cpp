@@ -28,8 +28,8 @@ void validate_promises(const FieldTable& field, const Counts& counts, std::size_
                                   ? "has at most " + std::to_string(field.max_count * step)
                                   : "has " + std::to_string(found * step) + " in this payload";
     const Path counting{path.parent, counter.name};
-    out.push_back(counting.text() + " tells " + std::to_string(told) + unit_of(field, counter) + ", and " +
-                  path.text() + " " + limit);
+    out.push_back(counting.text() + " says " + std::to_string(told) + unit_of(field, counter) + ", and " + path.text() +
+                  " " + limit);
   }
 }
 
@@ -148,9 +148,8 @@ void check_string(const FieldTable& field, std::string_view data, const Path& pa
   for (const std::string& mark : field.excludes) {
     const std::size_t at = data.find(mark);
     if (at != std::string_view::npos) {
-      throw MessageError(path.text() + " has at its byte " + std::to_string(at) + " what " +
-                         "ends or begins a frame on the wire (" + hex_text(std::string_view(mark)) +
-                         "); leave that out");
+      throw MessageError(path.text() + " has at its byte " + std::to_string(at) + " the bytes that " +
+                         "end or begin a frame on the wire (" + hex_text(std::string_view(mark)) + "); leave them out");
     }
   }
 }

@@ -45,14 +45,14 @@ std::string refusal(const FormatTable& format, const MessageTable& message, std:
   const std::size_t bound = format.format().max_payload;
   const Form& form = format.format().forms[forms.front()];
   if (payload + form.prefix + form.suffix == 0) {
-    return message.name + " is empty, and so is its frame: no receiver could tell that from no frame";
+    return message.name + " is empty, and so is its frame: a receiver would not notice it";
   }
   const std::string begin = "payload of " + message.name + " has " + std::to_string(payload) + " bytes";
   if (payload > bound) return begin + "; this frame carries at most " + std::to_string(bound);
   std::int64_t most = 0;
   for (const std::size_t index : forms) most = std::max(most, most_payload(format.format().forms[index]));
   if (static_cast<std::int64_t>(payload) > most) {
-    return begin + "; with this header the frame's length can tell at most " + std::to_string(most);
+    return begin + "; with this header the frame's length can express at most " + std::to_string(most);
   }
   for (const std::size_t index : forms) {
     const Form& one = format.format().forms[index];
@@ -61,7 +61,7 @@ std::string refusal(const FormatTable& format, const MessageTable& message, std:
              std::to_string(one.payload_unit) + " bytes, which it refuses";
     }
   }
-  return begin + ", which the frame's length cannot tell: it counts by " + std::to_string(form.length_unit);
+  return begin + ", which the frame's length cannot express: it counts by " + std::to_string(form.length_unit);
 }
 
 std::string number_text(std::uint64_t number) {
@@ -117,7 +117,7 @@ std::uint32_t settle_match(const FormatTable& format, const MessageTable& messag
           test.of == MatchOf::size
               ? "the payload of " + message.name + " has " + std::to_string(payload.size()) + " bytes"
               : message.name + "." + match->names[begin] + " is " + number_text((number & test.mask));
-      throw MessageError(what + "; its frames are told by " + allowed_text(match->tests, begin) + " there");
+      throw MessageError(what + "; its frames are identified by " + allowed_text(match->tests, begin) + " there");
     }
     if (test.of == MatchOf::id && !has_ids) continue;
     const std::size_t place = test.of == MatchOf::id ? id_place : test.place;

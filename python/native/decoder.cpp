@@ -146,7 +146,7 @@ nb::tuple feed_reads(StampedDecoder& decoder, nb::handle buffer, nb::handle plac
     std::memcpy(&place, at.data() + i * sizeof place, sizeof place);
     std::memcpy(&size, of.data() + i * sizeof size, sizeof size);
     std::memcpy(&time, began.data() + i * sizeof time, sizeof time);
-    if (place > view.size() || size > view.size() - place) throw std::invalid_argument("a place lies outside");
+    if (place > view.size() || size > view.size() - place) throw std::invalid_argument("a place is outside the data");
     if (!is_time(time)) throw std::invalid_argument("a time is not finite");
     decoder.read(view.data() + place, size, time, keep, found);
     reads.resize(found.events.size(), static_cast<std::uint32_t>(i));

@@ -68,7 +68,7 @@ nb::bytes gathered(nb::handle buffer, nb::handle places, nb::handle sizes) {
     std::uint32_t size = 0;
     std::memcpy(&place, at.data() + i * sizeof place, sizeof place);
     std::memcpy(&size, of.data() + i * sizeof size, sizeof size);
-    if (place > view.size() || size > view.size() - place) throw std::invalid_argument("a place lies outside");
+    if (place > view.size() || size > view.size() - place) throw std::invalid_argument("a place is outside the data");
     out.insert(out.end(), view.data() + place, view.data() + place + size);
   }
   return nb::bytes(reinterpret_cast<const char*>(out.data()), out.size());
@@ -159,7 +159,7 @@ nb::tuple packed_records(nb::handle buffer, nb::tuple pieces, nb::tuple decoded,
   for (std::size_t i = 0; i < count; ++i) {
     const std::uint64_t place = places[i];
     const std::uint32_t size = sizes[i];
-    if (place > view.size() || size > view.size() - place) throw std::invalid_argument("a place lies outside");
+    if (place > view.size() || size > view.size() - place) throw std::invalid_argument("a place is outside the data");
     records.add(channels[i], logged[i], published[i], view.data() + place, size);
     add_decoded(i);
   }

@@ -75,7 +75,7 @@ class SerialOpener final : public Opener {
 
   std::string why_gone(int code) const override {
     return path_ + " went away (" + (code == 0 ? "hang-up" : std::strerror(code)) +
-           "); plug it in again, or look at what `dmesg` says of it";
+           "); plug it in again, or look at the output of `dmesg`";
   }
 
   std::string path() const override { return path_; }
@@ -162,7 +162,7 @@ class TcpOpener final : public Opener {
   }
 
   std::string why_gone(int code) const override {
-    if (code == 0) return name_ + " closed the connection; look at what its server says";
+    if (code == 0) return name_ + " closed the connection; look at the log of its server";
     return "the connection to " + name_ + " broke (" + std::strerror(code) + "); look at the network and the server";
   }
 

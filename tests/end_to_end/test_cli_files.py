@@ -185,7 +185,7 @@ class TestImport:
         (tmp_path / "link.h").write_text(self.HEADER + "struct bad { void *p; };\n")
         result = run("import", "link.h", "--out", "link.yaml", cwd=tmp_path)
         assert result.returncode == 0
-        assert "link.yaml: 1 message; its comments say what the header could not tell" in result.stdout
+        assert "link.yaml: 1 message; its comments list what the header does not say" in result.stdout
         assert "left out: bad (line 4): p is a pointer" in result.stderr
         assert run("check", "link.yaml", cwd=tmp_path).returncode == 0
         assert run("encode", "link.yaml", "drive_cmd", "speed=1", "on=1", cwd=tmp_path).returncode == 0

@@ -99,7 +99,7 @@ def test_the_command_line_turns_one_servo_and_is_answered_by_it(line: Line) -> N
     ("servo", "sentence", "code"),
     [
         (0xFE, "read was sent to servo 254, the broadcast, which is not answered", 0),
-        (9, "read was sent to servo 9; no pose came back within 1 s; nothing arrived meanwhile", 1),
+        (9, "read was sent to servo 9; no pose came back within 1 s; nothing arrived in that time", 1),
     ],
 )
 def test_the_command_line_says_whose_answer_does_not_come(line: Line, servo: int, sentence: str, code: int) -> None:

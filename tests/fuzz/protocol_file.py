@@ -17,7 +17,7 @@ _MOST_MESSAGES = 3  # of a file, each time: others of the same kind tell nothing
 
 # What a sender may refuse although each value is valid by itself: a frame without a byte, a size that a length in words
 # cannot tell.
-_REFUSALS = ("is empty, and so is its frame", "which the frame's length cannot tell")
+_REFUSALS = ("is empty, and so is its frame", "which the frame's length cannot express")
 
 
 def verify(text: str) -> bool:

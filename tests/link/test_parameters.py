@@ -279,7 +279,7 @@ def test_nothing_of_a_file_stays_set_where_the_mcu_refuses_a_value(tmp_path: Pat
     ("name", "text", "sentence"),
     [
         ("a.yaml", "kp: 1\nkp: 2\n", r"a\.yaml:2:1: it cannot be read as YAML: found duplicate key"),
-        ("a.yaml", '1: 1\n"1": 2\n', r"a\.yaml: 1 stands there twice; remove one of them"),
+        ("a.yaml", '1: 1\n"1": 2\n', r"a\.yaml: 1 is listed twice; remove one of them"),
         ("a.json", "\ufeff{", "it cannot be read as JSON: Expecting property name"),  # of Windows: what follows counts
         ("a.yaml", "kp: [\n", r"a\.yaml:2:1: it cannot be read as YAML"),
         ("a.yaml", "- 1\n", "expected names and values, such as `kp: 1.5`"),

@@ -21,8 +21,8 @@ def file(parts: list[str], messages: str = ONE) -> str:
     [
         (
             ["magic: 0xAA", "id: u8", "length: {type: u8, unit: 4}", "payload: by_length"],
-            "8:12: `a` has 1 payload bytes; the frame's length counts by 4 and cannot tell them; "
-            "add `{type: padding, size: 3}`",
+            "8:12: `a` has 1 payload bytes; the frame's length counts by 4 and cannot express this size; add "
+            "`{type: padding, size: 3}`",
         ),
         (
             ["magic: 0xAA", "id: u8", "length: {type: u8, unit: 4}", "{payload: by_length, trim_zeros: true}"],
@@ -44,16 +44,16 @@ def file(parts: list[str], messages: str = ONE) -> str:
         ),
         (
             ["magic: 0xAA", "id: u8", "{reserved: 4, when: f & 0x01}", "{field: f, type: u8}", "payload: by_id"],
-            "6:25: `f` must stand in the header, before what it decides about; move it forward",
+            "6:25: `f` must be in the header, before the parts that depend on it; move it forward",
         ),
         (
             ["magic: 0xAA", "id: u8", "payload: by_id", "{field: f, type: u8}", "{reserved: 4, when: f & 0x01}"],
-            "8:25: `f` must stand in the header, before what it decides about; move it forward",
+            "8:25: `f` must be in the header, before the parts that depend on it; move it forward",
         ),
         (
             ["magic: 0xAA", "{check: {type: xor8, seed: message}}", "payload: 3", "id: u8"],
-            "5:5: this check counts the message's seed, and the id that tells the message stands behind the payload; "
-            "move the id before it, or this check behind it",
+            "5:5: this check includes the message's seed, but the id that identifies the message is after the "
+            "payload; move the id before it, or this check after the id",
         ),
     ],
 )
@@ -68,7 +68,7 @@ def test_a_size_that_a_length_in_words_cannot_tell_is_not_sent() -> None:
     for size in range(9):
         values = list(range(size))
         if size % 4:
-            with pytest.raises(MessageError, match="which the frame's length cannot tell: it counts by 4"):
+            with pytest.raises(MessageError, match="which the frame's length cannot express: it counts by 4"):
                 codec.encode("a", x=values)
         else:
             (message,) = codec.decoder().feed(codec.encode("a", x=values))

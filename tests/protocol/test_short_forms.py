@@ -93,8 +93,8 @@ def test_a_word_that_is_a_type_of_numbers_stays_that() -> None:
         ("bool m", ":4:48: `unit` is for numbers; remove it"),
         ("text", ":4:48: a text field needs a size; add `size: 16`"),
         ("u8 0", ":4:48: a scale of 0 would make every value the same"),
-        ("5", ":4:48: `5` cannot stand for a field; write a type, such as `u16`, or a mapping with the keys type, "),
-        ("[u8]", "cannot stand for a field"),
+        ("5", ":4:48: `5` cannot be used for a field; write a type, such as `u16`, or a mapping with the keys type, "),
+        ("[u8]", "cannot be used for a field"),
     ],
 )
 def test_what_is_wrong_in_a_short_form_is_reported_at_its_place(field: str, sentence: str) -> None:
@@ -106,7 +106,7 @@ def test_what_is_wrong_in_a_short_form_is_reported_at_its_place(field: str, sent
 
 @pytest.mark.parametrize(
     ("service", "sentence"),
-    [("hello: nobody", "there is no message `nobody`"), ("ping: hello", "`hello` cannot stand for this service")],
+    [("hello: nobody", "there is no message `nobody`"), ("ping: hello", "`hello` cannot be used for this service")],
 )
 def test_a_wrong_service_is_a_sentence(service: str, sentence: str) -> None:
     with pytest.raises(ProtocolFileError, match=sentence):

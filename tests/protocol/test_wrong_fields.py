@@ -43,7 +43,7 @@ NESTED = [
     ("bits: {type: u8", "bits: {type: u8, first: @top", "possible: low, high"),
     ("fields: {mode: {type: u3}, armed: {type: bool}}", "fields: @{}", "`fields` has too few entries (0)"),
     # constants
-    ("type: padding, size: 2", "type: u8, constant: 2, @range: [0, 2]", "`range` cannot stand beside `constant`"),
+    ("type: padding, size: 2", "type: u8, constant: 2, @range: [0, 2]", "`range` cannot be combined with `constant`"),
     ("type: padding, size: 2", "type: u8, constant: @256", "256 does not fit `gap`, which takes values from 0 to 255"),
     ("type: padding, size: 2", "type: f32, @constant: 1", "`constant` is for whole numbers, bool, text and bytes"),
     ("type: padding, size: 2", "type: padding, size: 2, @constant: 1", "for padding write `must_be_zero: true`"),
@@ -51,7 +51,7 @@ NESTED = [
     ("type: padding, size: 2", 'type: text, constant: @""', "this constant has no byte; write it, or remove the field"),
     ("type: padding, size: 2", "type: padding, size: 65, must_be_zero: true", "at most 64 bytes of constants"),
     ("type: u3}", "type: u3, constant: @8}", "8 does not fit `mode`, which takes values from 0 to 7"),
-    ("{a: {type: u8}}", "{a: {type: u8, constant: 1}}", "`rest` varies in number, and its elements hold a constant"),
+    ("{a: {type: u8}}", "{a: {type: u8, constant: 1}}", "`rest` varies in number, and its elements contain a constant"),
     ("number: {type: u8}", "number: {type: u8, constant: 1}", "`number` cannot count, for it is more than a number"),
     # packed streams and padding
     ("packed: low_first", "packed: @low", "possible: low_first, high_first"),
@@ -64,7 +64,7 @@ NESTED = [
     ("type: padding, size: 2", "type: padding, size: 2, @default: 0", "padding has none; remove it"),
     # structs and types
     ("struct: point", "struct: @pint", "there is no type `pint`; did you mean `point`?"),
-    ("struct: point", "struct: @3", "cannot stand here; write a mapping"),
+    ("struct: point", "struct: @3", "is not possible here; write a mapping"),
     ("{struct: point}", "@{struct: point, type: u8}", "`type` and `struct` are two kinds of field; keep one"),
     ("struct: point", "struct: {x: {type: @u9}}", "u9 is no whole number of bytes"),
     ("y: {type: i16}}", "y: {struct: @point}}", "a type cannot contain itself (`point` in `point`); take it out"),
@@ -90,7 +90,11 @@ NESTED = [
     ("number: {type: u8}", "number: {type: u8, scale: 2}", "`number` cannot count, for it is more than a number"),
     ("gap:", "many: {type: u16, count: @number}\n      gap:", "a varying number of elements needs a bound"),
     ("gap:", "many: {type: u16, count: 3, @max: 4}\n      gap:", "`max` is for a number that varies"),
-    ("{count: number, max: 9, fields: point}", "{count: @{}, max: 9, fields: point}", "nothing says how many elements"),
+    (
+        "{count: number, max: 9, fields: point}",
+        "{count: @{}, max: 9, fields: point}",
+        "the number of elements is not given",
+    ),
     (
         "{count: number, max: 9, fields: point}",
         "{count: {bytes: @3}, max: 9, fields: point}",
@@ -105,7 +109,7 @@ NESTED = [
     (
         "{count: number, max: 9, fields: point}",
         "{count: {bytes: @number, elements: number}, max: 9, fields: point}",
-        "`number` cannot tell elements and bytes at once",
+        "`number` cannot count both elements and bytes",
     ),
     (
         "{count: number, max: 9, fields: point}",
@@ -133,20 +137,20 @@ NESTED = [
     (
         "{count: number, max: 9, fields: point}",
         "{count: {bytes: number}, max: 9, fields: point}",
-        "`number` counts `points` already, and what tells bytes counts nothing else",
+        "`number` counts `points` already, and a field that counts bytes cannot count anything else",
     ),
     (
         "{count: to_end, max: 4, fields: {a: {type: u8}}}",
         "{count: {bytes: @number}, max: 4, fields: {b: {type: u8}, a: {type: text, max: 3, ends_with: 0x00}}}",
-        "each of these elements has its own size, so bytes do not tell how many there are",
+        "each of these elements has its own size, so their number does not follow from bytes",
     ),
     (
         "{count: number, max: 9, fields: point}",
         "{count: {elements: number, asked_by: much}, max: 9, fields: point}",
         "no message has the reply `scan`, so no request asks; write `reply: scan` in the request",
     ),
-    ("number: {type: u8}", "number: {type: u8, @counts: points}", "the field that is counted names what counts it"),
-    ("type: u3}", "type: u3, @counts: points}", "of a value among bits `count: state.number`"),
+    ("number: {type: u8}", "number: {type: u8, @counts: points}", "the counted field names its count"),
+    ("type: u3}", "type: u3, @counts: points}", "for a value among bits `count: state.number`"),
     # defaults
     ("type: u11, count: 16", "type: u11, count: 16, default: @[1, 2]", "2 elements do not fit `rc`; it has 16"),
     ("type: u11, count: 16", "type: u11, count: 16, default: @2048", "2048 does not fit `rc`, which takes values"),
@@ -181,7 +185,11 @@ def test_a_message_varies_only_where_the_frame_tells_its_size() -> None:
     counted = by_id.replace("      rest:", "      more: {type: u8}\n#")
     assert loads(counted).message("scan").max_payload == SHAPES_SIZE - 4 + 1
     ended = counted.replace("size: number, max: 9", "ends_with: 0x00, max: 9")
-    assert [line for line in problems_of(ended) if "`name` varies in size, and no count of the message tells" in line]
+    assert [
+        line
+        for line in problems_of(ended)
+        if "`name` varies in size, and no count of the message gives its size" in line
+    ]
     fixed = SHAPES.replace("length: u16, id: u8, payload: by_length", "id: u8, payload: 90")
     assert [line for line in problems_of(fixed) if "`rest` reaches to the payload's end" in line]
 
@@ -197,7 +205,7 @@ def test_a_request_has_the_field_that_its_reply_names() -> None:
         "{group: {count: number", "{struct: {n: {type: u8}, of: {group: {count: {elements: n, asked_by: many}"
     )
     inner = inner.replace("max: 9, fields: point}}", "max: 9, fields: point}}}}") + asking
-    assert [line for line in problems_of(inner) if "a list that stands in the message itself" in line]
+    assert [line for line in problems_of(inner) if "a list in the message itself" in line]
 
 
 def test_types_that_multiply_are_refused_before_they_fill_the_memory() -> None:

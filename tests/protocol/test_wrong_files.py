@@ -73,7 +73,7 @@ SYNTAX = [
     ("baud: 115200", "data_bits: @7", "bytes of 8 bits; write 8"),
     ("baud: 115200", "parity: @evn", "did you mean `even`? (possible: none, even, odd)"),
     ("baud: 115200", "stop_bits: @3", "write 1, 1.5 or 2"),
-    ("{baud: 115200}", "@[115200]", "a list cannot stand for `link`; write a mapping with the keys baud,"),
+    ("{baud: 115200}", "@[115200]", "a list cannot be used for `link`; write a mapping with the keys baud,"),
     ("{baud: 115200}", "{baud: 115200}\nbyte_order: @network", "possible: little, big"),
     ("{baud: 115200}", "{baud: 115200}\nunknown: @ignore", "possible: deliver, reject"),
     ("{baud: 115200}", "{baud: 115200}\nidle: @20", "`20` has no unit; write a number and a unit"),
@@ -89,7 +89,7 @@ SYNTAX = [
     ("{baud: 115200}", "{max_age: @31 s}", "frames can wait for 1 ms to 30 s"),
     ("{baud: 115200}", "{max_run: @1}", "`1` has no unit"),
     ("every: 50 ms", "every: @often", "`often` is not a duration"),
-    ("0x01", "@one", "the id has no named values; write a number where `one` stands"),
+    ("0x01", "@one", "the id has no named values; write a number instead of `one`"),
     ("0x01", "@-1", "`-1` is out of range"),
     ("sender: host", "sender: @hots", "did you mean `host`?"),
     ("sender: host", "sender: @3", "`3` is not possible here; write host, mcu or both"),
@@ -110,8 +110,8 @@ SYNTAX = [
     ("[-2.0, 2.0]", "[-2.0, @two]", "`two` is not a number"),
     ("[-2.0, 2.0]", "@[2.0]", "`range` has too few entries (1); it needs at least 2"),
     ("[-2.0, 2.0]", "@[1, 2, 3]", "`range` has too many entries (3); it takes at most 2"),
-    ("[-2.0, 2.0]", "@2.0", "`2.0` cannot stand here; write a list"),
-    ("{idle: 0, manual: 1}", "@[idle, manual]", "a list cannot stand here; write a mapping"),
+    ("[-2.0, 2.0]", "@2.0", "`2.0` is not possible here; write a list"),
+    ("{idle: 0, manual: 1}", "@[idle, manual]", "a list is not possible here; write a mapping"),
     ("{idle: 0, manual: 1}", "@{}", "`enum` has too few entries (0); it needs at least 1"),
     ("{idle: 0, manual: 1}", "{idle: @off, manual: 1}", "`off` is not a whole number"),
     ("{idle: 0, manual: 1}", "{idle: 0, @IDLE: 1}", "`IDLE` and `idle` are both `idle` in generated code; rename one"),
@@ -182,7 +182,7 @@ def test_wrong_syntax_is_told_at_its_place(old: str, new: str, fragment: str) ->
 COUNTS = "  counts: {{id: 0x82, sender: mcu, fields: {}}}\nservices: {{counters: {{message: @counts}}}}\ndeadlines:"
 MEANING = [
     # messages
-    ("id: 0x81", "id: @0x181", "id 385 does not fit the frame's id part, whose greatest is 255"),
+    ("id: 0x81", "id: @0x181", "id 385 does not fit the frame's id part, whose maximum is 255"),
     (
         "sender: mcu\n",
         "sender: both\n  other:\n    id: @0x01\n    sender: both\n",
@@ -203,7 +203,7 @@ MEANING = [
     (
         "i16, unit: m/s, scale: 0.001",
         "u64, unit: m/s, scale: @1e300",
-        "the greatest value is beyond a double",
+        "the maximum is beyond a double",
     ),
     ("scale: 0.001", "scale: @1e-310", "out of the range of a double; write a number from 1e-300 to 1e300"),
     ("scale: 0.001", "scale: @5e-324", "out of the range of a double; write a number from 1e-300 to 1e300"),
@@ -250,13 +250,13 @@ MEANING = [
     (
         "enum: {idle: 0, manual: 1}}",
         "enum: {idle: 0, manual: 1}, @flags: {a: 0}}",
-        "cannot stand beside `enum`",
+        "cannot be combined with `enum`",
     ),
     ("stalled: 0, hot: 1", "stalled: 0, hot: @8", "u8 has no bit 8; its bits are 0 to 7"),
     ("stalled: 0, hot: 1", "stalled: 1, hot: @1", "`stalled` is bit 1 already"),
     ("hot: 1}", "hot: 1}, default: @4", "bit 2 of 4 has no name in `faults`"),
     ("hot: 1}", "hot: 1}, count: 2, default: @[1]", "1 elements do not fit `faults`; it has 2"),
-    ("type: text, max: 8", "type: text, size: 8, @max: 8", "`max` cannot stand beside `size`"),
+    ("type: text, max: 8", "type: text, size: 8, @max: 8", "`max` cannot be combined with `size`"),
     ("type: text, max: 8", "type: @text", "a text field needs a size; add `size: 16`"),
     ("type: text, max: 8", "type: text, max: 8, default: @123456789", "is a text; put the value in quotes"),
     (
@@ -298,7 +298,11 @@ MEANING = [
         "then: stop, recover: explicit, recover_by: @{message: drive, speed: 0, mode: idle}}",
         "`drive` is held back itself while `stop` lasts; name another message of the host",
     ),
-    ("then: stop}", "then: stop, start: @held}", "only a deadline with `at: mcu` and `recover: explicit` can hold its"),
+    (
+        "then: stop}",
+        "then: stop, start: @held}",
+        "only a deadline with `at: mcu` and `recover: explicit` can hold back its",
+    ),
     ("then: stop}", "then: stop, recover: explicit, start: @hold}", "did you mean `held`?"),
     ("then: stop}", "then: stop, recover: explicit, recover_by: {message: @state}}", "and the host sends `recover_by`"),
     ("then: stop}", "then: stop, recover: explicit, recover_by: {message: @drve}}", "did you mean `drive`?"),
@@ -331,7 +335,7 @@ MEANING = [
         "from the MCU",
     ),
     ("{message: drive, speed: 0, mode: idle}", "@[]", "`emergency_stop` has too few entries (0); it needs at least 1"),
-    ("{message: drive, speed: 0, mode: idle}", "[@drive]", "cannot stand for a message of `emergency_stop`"),
+    ("{message: drive, speed: 0, mode: idle}", "[@drive]", "cannot be used for a message of `emergency_stop`"),
     ("{message: drive, speed: 0, mode: idle}", "[@{speed: 0}]", "needs `message`"),
     # time stamps
     ("faults: {type: u8,", "t: {type: i32, unit: us, @clock: mcu}\n      faults: {type: u8,", "one unsigned number"),
@@ -366,7 +370,7 @@ MEANING = [
     (
         "faults: {type: u8,",
         "@s: {struct: {t: {type: u32, unit: us, clock: mcu}}}\n      faults: {type: u8,",
-        "`clock` is for a field that stands in the message itself",
+        "`clock` is for a field of the message itself",
     ),
     # services
     (

@@ -11,9 +11,9 @@ FRAMES = [
         "needs a length; add a part such as `- length: u8` before it",
     ),
     ("id: u8, payload: @rest, check: crc-16/modbus", "needs delimiters"),
-    ("magic: 0x01, payload: by_id, @id: u8", "the id must stand before the payload whose size it tells"),
-    ("magic: 0x01, id: u8, payload: by_length, @length: u8", "the length must stand before the payload"),
-    ("magic: 0x01, id: u8, @length: u8, payload: 20", "this length tells nothing"),
+    ("magic: 0x01, payload: by_id, @id: u8", "the id must precede the payload, because it determines its size"),
+    ("magic: 0x01, id: u8, payload: by_length, @length: u8", "the length must precede the payload"),
+    ("magic: 0x01, id: u8, @length: u8, payload: 20", "this length is not used"),
     ("magic: 0x01, id: u8, @id: u8, payload: 20", "a frame has one `id` part at most"),
     ("magic: 0x01, id: u8, payload: 20, @payload: 20", "a frame has one `payload` part at most"),
     ("id: u8, @magic: 0x01, payload: 20", "a magic begins the frame; put it first"),
@@ -41,7 +41,7 @@ FRAMES = [
     ("id: u8, payload: 20, check: {type: xor8, @poly: 9}", "only a CRC has `poly`; remove it"),
     (
         "id: u8, payload: 20, check: {type: sum8, sums_to: 1, @plus: 9}",
-        "`plus` cannot stand beside `sums_to`; remove one of them",
+        "`plus` cannot be combined with `sums_to`; remove one of them",
     ),
     ("id: u8, payload: 20, check: {type: sum8, @odd: xor}", "`odd` is about words; add `unit: 2` or `unit: 4`"),
     ("id: u8, payload: 20, check: {type: sum8, mask: @0x1FF}", "0x1ff has more than 8 bits; write at most 0xff"),
@@ -93,14 +93,14 @@ FRAMES = [
     ),
     (
         "magic: 0x01, id: u8, @length: {type: u8, offset: 300}, payload: by_length",
-        "counts more than it can tell",
+        "cannot express its count",
     ),
     ("magic: 0x01, name: @payload, id: u8, payload: 20", "is the word for another kind of part"),
     ("magic: 0x01, name: a, id: u8, name: @a, payload: 20", "another part is named `a`"),
-    ("@cobs: [id: u8, payload: rest, check: crc-16/modbus]", "stuffing needs a delimiter before and behind it"),
-    ("@delimiter: 0x00, id: u8, payload: 20", "delimiters are the frame's first and its last part"),
+    ("@cobs: [id: u8, payload: rest, check: crc-16/modbus]", "stuffing needs a delimiter before and after it"),
+    ("@delimiter: 0x00, id: u8, payload: 20", "delimiters are the first and the last part of a frame"),
     ("delimiter: @0x7E, cobs: [id: u8, payload: rest], delimiter: 0x00", "COBS frees a frame of 0x00"),
-    ("delimiter: 0x00, cobs: [id: u8], @payload: 20, delimiter: 0x00", "the payload stands within the stuffed parts"),
+    ("delimiter: 0x00, cobs: [id: u8], @payload: 20, delimiter: 0x00", "the payload must be among the stuffed parts"),
     ("delimiter: 0x00, @constant: 0xA5 0x00, cobs: [id: u8, payload: 20], delimiter: 0x00", "holds the delimiter 0x00"),
     (
         "delimiter: 0x0D 0x0A, id: u8, payload: 20, @constant: 0x0D 0x0A, delimiter: 0x0D 0x0A",
@@ -112,7 +112,7 @@ FRAMES = [
     ),
     (
         "delimiter: 0x00, cobs: [id: u8, payload: rest, @delimiter: 0x00], delimiter: 0x00",
-        "`delimiter` cannot stand within stuffed parts",
+        "`delimiter` cannot be a stuffed part",
     ),
     (
         "delimiter: 0x00, cobs: [id: u8, payload: rest], @cobs: [id: u8], delimiter: 0x00",
@@ -164,14 +164,14 @@ def test_a_frame_that_cannot_be_read_is_told_at_the_part(parts: str, fragment: s
     ("frame", "fragment"),
     [
         ("[magic: 0x01, id: u8]", "4:8: the frame has no payload"),
-        ("[id: u8, payload: 20]", "4:8: nothing tells this frame from other bytes"),
+        ("[id: u8, payload: 20]", "4:8: nothing distinguishes this frame from other bytes"),
         (
             "[magic: 0x73, {bits: u8, fields: {flags: 4, length: {bits: 4, unit: 4}}}, id: u8, payload: by_length]",
-            "4:60: how many bytes one count of a length stands for is said of the whole part; write `unit` beside",
+            "4:60: the unit of a length belongs to the whole part; write `unit` beside",
         ),
         (
             "[{bits: u8, fields: {a: {bits: 7, constant: 0x25}, b: 1}}, id: u8, payload: 20]",
-            "4:8: nothing tells this frame from other bytes",
+            "4:8: nothing distinguishes this frame from other bytes",
         ),
         (
             "[magic: 0x01, id: u8, payload: 20" + ", check: xor8" * 5 + "]",
@@ -221,13 +221,13 @@ ONE_MESSAGE = "wirebond: 1\nprotocol: rover\n{extra}\nframe: [{frame}]\nmessages
             "",
             "magic: 0x01, id: u8, length: u8, payload: by_length",
             "{id: 1, sender: host, fields: {a: {type: u32, count: 64}}}",
-            "6:3: `one` has up to 256 payload bytes; the frame's length can tell 255 at most",
+            "6:3: `one` has up to 256 payload bytes; the frame's length can express 255 at most",
         ),
         (
             "",
             "magic: 0x01, id: u8, length: {type: u8, counts: frame}, payload: by_length, check: crc-16/modbus",
             "{id: 1, sender: host, fields: {a: {type: bytes, max: 251}}}",
-            "6:3: `one` has up to 251 payload bytes; the frame's length can tell 250 at most",
+            "6:3: `one` has up to 251 payload bytes; the frame's length can express 250 at most",
         ),
         (
             "max_payload: 3",
@@ -239,7 +239,7 @@ ONE_MESSAGE = "wirebond: 1\nprotocol: rover\n{extra}\nframe: [{frame}]\nmessages
             "max_payload: 256",
             "magic: 0x01, id: u8, length: u8, payload: by_length",
             "{id: 1, sender: host}",
-            "3:14: the frame's length can tell 255 payload bytes at most",
+            "3:14: the frame's length can express 255 payload bytes at most",
         ),
         (
             "max_payload: 9",
@@ -251,7 +251,7 @@ ONE_MESSAGE = "wirebond: 1\nprotocol: rover\n{extra}\nframe: [{frame}]\nmessages
             "",
             "magic: 0x01, id: u8, payload: 9",
             "{id: 1, sender: host, fields: {a: {type: text, max: 9}}}",
-            "7:36: `a` reaches to the payload's end, and this frame does not tell where that is",
+            "7:36: `a` reaches to the payload's end, but this frame does not show where that is",
         ),
         (
             "unknown: deliver",

@@ -85,8 +85,8 @@ ONE_SENTENCE = [
     ),
     (
         "a:\n  - b: 1\n  -c: 2\n",
-        "f:3:3: this is not YAML (while parsing a block collection expected <block end>, but "
-        "found '?'); write a space behind the dash",
+        "f:3:3: this is not YAML (while parsing a block collection expected <block end>, but found '?'); write a "
+        "space after the dash",
     ),
     (
         "a: {b: 1}}\n",
@@ -100,11 +100,11 @@ ONE_SENTENCE = [
     ),
     (
         "a:\n  b:\n    c: 1\n   d: 2\n",
-        "f:4:4: this line begins in column 4, where no block above does; begin it in column 3 or 5",
+        "f:4:4: this line begins in column 4, but no block above begins there; begin it in column 3 or 5",
     ),
     (
         "a:\n  b: 1\n # why\n d: 2\n",
-        "f:4:2: this line begins in column 2, where no block above does; begin it in column 1 or 3",
+        "f:4:2: this line begins in column 2, but no block above begins there; begin it in column 1 or 3",
     ),
     (
         "a:\n  b 1\n  c: 2\n",
@@ -116,12 +116,12 @@ ONE_SENTENCE = [
         "after this key",
     ),
     ("a: *x", "f:1:4: the alias `*x` has no anchor before it; write `&x` there"),
-    ("a: &x [*x]", "f:1:8: the alias `*x` stands inside what it repeats; write it out"),
+    ("a: &x [*x]", "f:1:8: the alias `*x` is inside the block that it repeats; write it out"),
     ("a: 1\n---\nb: 2", "f:2:1: a second YAML document begins here; a file holds one protocol"),
     ("%YAML 1.1\n---\na: 1", "f:2:1: protocol files are YAML 1.2; remove the `%YAML` line"),
-    ("a: b\x00c", "f:1:5: the character U+0000 cannot stand in YAML"),
-    ("a: 1\nb: \x1b[2J", "f:2:4: the character U+001B cannot stand in YAML"),
-    ("a: \ud800", "f:1:4: the character U+D800 cannot stand in YAML"),
+    ("a: b\x00c", "f:1:5: the character U+0000 is not allowed in YAML"),
+    ("a: 1\nb: \x1b[2J", "f:2:4: the character U+001B is not allowed in YAML"),
+    ("a: \ud800", "f:1:4: the character U+D800 is not allowed in YAML"),
     ("[" * (MAX_DEPTH + 1) + "]" * (MAX_DEPTH + 1), "f:1:33: nested more than 32 deep"),
     ("[" * 100_000, "f:1:33: nested more than 32 deep"),
     ("{" * 100_000, "f:1:33: nested more than 32 deep"),
@@ -166,8 +166,8 @@ def test_aliases_cannot_nest_deeper_than_lists_may() -> None:
         ("? [a, b]\n: 1", "f:1:3: a list or mapping cannot be a key"),
         ("a: !!int '3'", "f:1:4: the tag `tag:yaml.org,2002:int` is not used in protocol files; remove it"),
         ("a: !own {b: 1}", "f:1:4: the tag `!own` is not used"),
-        ("- a", "f:1:1: a list cannot stand for a protocol file; write a mapping with the keys wirebond, "),
-        ("just text", "f:1:1: `just text` cannot stand for a protocol file"),
+        ("- a", "f:1:1: a list cannot be used for a protocol file; write a mapping with the keys wirebond, "),
+        ("just text", "f:1:1: `just text` cannot be used for a protocol file"),
     ],
 )
 def test_yaml_that_a_protocol_file_cannot_be_made_of_is_told(text: str, sentence: str) -> None:
@@ -204,7 +204,7 @@ def test_bytes_that_are_not_text_get_a_sentence(tmp_path: Path) -> None:
     path.write_bytes("wirebond: 1".encode("utf-16"))
     assert "not UTF-8 text" in file_error(path)
     path.write_bytes(bytes(200_000))
-    assert file_error(path).startswith(":1:1: the character U+0000 cannot stand in YAML")
+    assert file_error(path).startswith(":1:1: the character U+0000 is not allowed in YAML")
     path.write_bytes(bytes(10_000_000))
     assert file_error(path) == ": the file is larger than 256 KiB; a protocol file is some kilobytes of YAML text"
 

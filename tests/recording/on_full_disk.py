@@ -71,7 +71,7 @@ def a_recorder_in_a_program() -> None:
                 break
             link.note("bulk", number=number, text="x" * 500)
         assert "no space is left on the disk; make room, or record to another one" in recorder.error
-        assert "What was written before can be read" in recorder.error
+        assert "Everything written before that can be read" in recorder.error
         goes_on(link)
         recorder.close()
         assert SAID.count(recorder.error) == 1

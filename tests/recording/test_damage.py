@@ -234,7 +234,7 @@ def test_info_repairs_a_file_cut_short(
     path = made(tmp_path / "run.mcap", diffdrive, drive(diffdrive, 2.0), finished=False)
     path.write_bytes(path.read_bytes()[:-7])
     assert main(["info", str(path), "--no-repair"]) == 0
-    assert "bytes behind that are lost" in " ".join(capsys.readouterr().err.split())
+    assert "bytes after that are lost" in " ".join(capsys.readouterr().err.split())
     assert not recordings.open(path).is_closed
     assert main(["info", str(path)]) == 0
     assert "repaired" in capsys.readouterr().out
@@ -376,7 +376,7 @@ def test_a_disk_that_does_not_keep_what_was_written_is_reported_at_once(
         monkeypatch.setattr(os, "fdatasync", fails)
         recorder = link.record(path)
         wait_until(lambda: link.note("lap") or recorder.error, "the error, not only when it is closed")
-        assert "the disk did not keep what was written (Input/output error)" in recorder.error
+        assert "the disk did not store the data (Input/output error)" in recorder.error
         if safe_times:
             assert "bytes after them are not" in recorder.error
             assert 0 < recorder.safe_size < recorder.size

@@ -38,5 +38,5 @@ def test_demo_gives_a_rover_to_drive(monkeypatch: pytest.MonkeyPatch) -> None:
         process.terminate()
         said, _ = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0
-    assert "ROS 2 node /diffdrive. It stands until ROS drives it:" in " ".join(said.split())
+    assert "ROS 2 node /diffdrive. It does not move until ROS drives it:" in " ".join(said.split())
     assert 'ros2 topic pub -r 10 /cmd_vel geometry_msgs/msg/Twist "{linear: {x: 0.3}, angular: {z: 0.5}}"' in said

@@ -151,7 +151,7 @@ def test_reply_that_does_not_come_is_told_and_counted(cart: Cart) -> None:
     assert not success
     assert message.startswith(
         (
-            "no enabled within 0.3 s of enable; nothing arrived meanwhile. ",
+            "no enabled within 0.3 s of enable; nothing arrived in that time. ",
             "no enabled within 0.3 s of enable. Nothing at all comes; ",  # after a pause of the machine
         )
     )

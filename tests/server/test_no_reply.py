@@ -54,8 +54,8 @@ def test_it_says_which_messages_came_and_what_was_discarded(served: Served, is_a
         f"no status within 3600 s of status_query; meanwhile {CAME}. Check that the MCU answers status_query"
     )
     assert timed_out(link, lambda: None) == (
-        "no status within 3600 s of status_query; nothing arrived meanwhile. Give it more time, or check that the MCU "
-        "answers status_query"
+        "no status within 3600 s of status_query; nothing arrived in that time. Give it more time, or check that the "
+        "MCU answers status_query"
     )
     if is_attached:
         link.close()

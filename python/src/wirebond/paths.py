@@ -17,7 +17,7 @@ def _find(relative: str) -> Path:
     tree = _PACKAGE.parents[2] / relative
     if tree.is_dir():
         return tree
-    message = f"the installation is incomplete: {relative} lies neither in {installed} nor in {tree}"
+    message = f"the installation is incomplete: {relative} is neither in {installed} nor in {tree}"
     raise FileNotFoundError(message)
 
 

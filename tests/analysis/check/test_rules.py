@@ -56,7 +56,7 @@ def test_an_urgent_frame_of_the_mcu_waits_for_a_run_that_was_begun(max_run: str,
 def test_a_run_that_is_longer_than_a_period_is_a_warning() -> None:
     messages = "{fast: {id: 1, sender: mcu, every: 4 ms, fields: {x: {type: i16}}}}"
     (finding,) = waits(made(DEFAULT_FRAME, messages, max_run="5 ms").model)
-    assert "waits up to 5 ms behind the frames of a run" in finding.sentence
+    assert "waits up to 5 ms after the frames of a run" in finding.sentence
     assert finding.remedy == "lower `link: max_run`"
     assert waits(made(DEFAULT_FRAME, messages, max_run="4 ms").model) == []
 
@@ -68,7 +68,7 @@ def test_a_long_frame_in_the_way_of_a_fast_one_is_a_warning() -> None:
     )
     finding = waits(made(DEFAULT_FRAME, messages).model)[0]
     assert (finding.rule, finding.severity) == ("urgent-wait", Severity.WARNING)
-    assert "waits up to 21.3 ms behind `dump`" in finding.sentence
+    assert "waits up to 21.3 ms after `dump`" in finding.sentence
     assert "`fast` is due every 10 ms" in finding.reason
 
 

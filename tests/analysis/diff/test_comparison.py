@@ -106,7 +106,7 @@ def test_a_shorter_deadline_breaks_with_the_old_sender() -> None:
         (
             "stop_bits: 2}",
             "stop_bits: 2, echo: true}",
-            "link: an end does not hear what it sends became: an end hears what it sends",
+            "link: an end does not hear its own bytes became: an end hears its own bytes",
         ),
         ("services", "idle: 1 s\nservices", "idle: none became 1 s"),
     ],

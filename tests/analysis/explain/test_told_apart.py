@@ -59,15 +59,13 @@ def test_a_match_that_fails_is_the_rule_that_is_named(frame: str, messages: str,
     names = " and ".join(line.split(":")[0].strip() for line in messages.strip().splitlines())
     (guess,) = stretch.guesses
     assert guess.what.startswith("Everything holds, but of the messages with the id 0x0")
-    assert guess.remedy == f"Compare the `match` of {names} with what the sender packs."
+    assert guess.remedy == f"Compare the `match` of {names} with the sender's code."
 
 
 def test_a_size_beyond_all_messages_of_the_id_gives_no_advice_to_add_one() -> None:
     stretch = explained(LENGTH, BY_SIZE, "A5 09 02" + "00" * 9)
     assert stretch.summary == "length: expected 0 to 4, found 9"
-    assert [guess.remedy for guess in stretch.guesses] == [
-        "Compare the `match` of ask and set with what the sender packs."
-    ]
+    assert [guess.remedy for guess in stretch.guesses] == ["Compare the `match` of ask and set with the sender's code."]
 
 
 def test_a_payload_that_the_frame_cannot_have_gives_no_advice_to_change_the_check() -> None:
@@ -76,7 +74,7 @@ def test_a_payload_that_the_frame_cannot_have_gives_no_advice_to_change_the_chec
     assert guess.what == (
         "Everything holds if the payload has 6 bytes, not 4: the frames are 2 bytes longer than the file says."
     )
-    assert guess.remedy == "Write `- payload: 6`, and compare the fields of a with what the sender packs."
+    assert guess.remedy == "Write `- payload: 6`, and compare the fields of a with the sender's code."
 
 
 def test_an_id_that_no_message_has_is_still_the_rule_that_fails() -> None:

@@ -45,7 +45,7 @@ def test_a_line_that_echoes_carries_one_direction_at_a_time() -> None:
     assert "bytes/s in each direction" in markdown(Codec(loads(text)))
     echoes = markdown(Codec(loads(text.replace("{baud: 115200}", "{baud: 115200, echo: true}"))))
     assert "bytes/s in both directions together" in echoes
-    assert "hears what it sends" in echoes
+    assert "hears its own bytes" in echoes
 
 
 def test_it_says_what_a_sequence_number_counts() -> None:

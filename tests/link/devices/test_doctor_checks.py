@@ -213,7 +213,7 @@ def test_a_login_that_systemd_starts(board, folder):
     board.link(f"{folder}/getty.target.wants/serial-getty@ttyAMA0.service", "lib/systemd/system/serial-getty@.service")
     found = asked(check_console, board)
     assert found.verdict is PROBLEM
-    assert found.sentence == "a login console runs on it and answers what the MCU sends"
+    assert found.sentence == "a login console runs on it and answers the MCU"
     assert found.cure == ("sudo systemctl disable --now serial-getty@ttyAMA0.service",)
 
 

@@ -125,8 +125,8 @@ def test_no_port_fits(desk):
 
 def test_there_is_no_port_at_all(machine):
     assert str(refused("usb:0483:5740", machine)) == (
-        "no USB serial port is usb:0483:5740 at the moment; there is no serial port at all. Plug it in; "
-        "`wirebond doctor` looks for what is in the way"
+        "no USB serial port is usb:0483:5740 at the moment; there is no serial port at all. Plug it in; `wirebond "
+        "doctor` finds the obstacle"
     )
 
 
@@ -167,7 +167,7 @@ def test_a_link_that_is_not_there(desk, folder):
         ("usb:1a86:", "'usb:1a86:': the product '' is not four hex digits; "),
         ("usb:0x1a86:0x55d3", "'usb:0x1a86:0x55d3': the vendor '0x1a86' is not four hex digits; "),
         ("usb:1a86:55d3@x", "'usb:1a86:55d3@x': the product '55d3@x' is not four hex digits; "),
-        ("usb:1a86:55d3:", "'usb:1a86:55d3:' ends where the serial number should stand; "),
+        ("usb:1a86:55d3:", "'usb:1a86:55d3:' ends where a serial number is expected; "),
     ],
 )
 def test_a_name_that_is_written_wrong(desk, name, sentence):

@@ -54,7 +54,7 @@ def test_where_the_group_may_not_either_joining_it_is_not_advised(machine, devic
         who = user(device, member=member)
         assert permission("/dev/ttyUSB0", machine.root, who).refusal is Refusal.GROUP_MAY_NOT
         assert "usermod" not in no_permission("/dev/ttyUSB0", machine.root, who)
-    assert "owner uucp lets no group in; `wirebond doctor /dev/ttyUSB0` says what to do" in no_permission(
+    assert "owner uucp has no group with access; `wirebond doctor /dev/ttyUSB0` shows the remedy" in no_permission(
         "/dev/ttyUSB0", machine.root, user(device)
     )
 

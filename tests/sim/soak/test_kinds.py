@@ -128,7 +128,9 @@ messages:
   a: {id: 3, sender: mcu, fields: {x: {type: u16}}}
   b: {id: 3, sender: mcu, fields: {y: {type: u16}}}
 """
-    with pytest.raises(UsageError, match="only a request tells what these are, and a soak sends them unasked: a, b"):
+    with pytest.raises(
+        UsageError, match="only a request identifies these messages, but a soak sends them without one: a, b"
+    ):
         mix_of(Codec(loads(asked)))
 
 

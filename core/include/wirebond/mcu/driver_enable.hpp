@@ -42,7 +42,7 @@ template <class Port, void (*drive)(bool on)>
 class DriverEnable : public Port {
   static_assert(
       !detail::CompletesEarly<Port>::value,
-      "this port tells of a run's end before its last bit has left; use a UART that switches the driver itself");
+      "this port reports the end of a run before its last bit has left; use a UART that switches the driver itself");
 
  public:
   using Port::Port;

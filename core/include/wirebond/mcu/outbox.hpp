@@ -59,7 +59,7 @@ template <class Atomics, std::size_t Bytes, std::size_t Frames>
 class QueueWithTable : private QueueTable<Atomics, Frames>, public SendQueue<Atomics> {
   using Base = SendQueue<Atomics>;
   static_assert(Base::is_capacity(Bytes),
-                "bytes of a send queue: a power of two, at most half of what a position counts");
+                "bytes of a send queue: a power of two, at most half of the range of a position");
   static_assert(Base::is_capacity(Frames), "frames of a send queue: a power of two, 2 or more");
 
  public:

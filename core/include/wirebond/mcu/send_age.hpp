@@ -68,7 +68,7 @@ class SendAge {
       static_cast<std::uint16_t>((max_age_ms * std::uint32_t{1000} + 1023) / 1024);
   static constexpr std::uint16_t sweep_units = 8'192;
   static constexpr std::uint16_t overdue_units = 2 * sweep_units;
-  static_assert(overdue_units + max_units + 1 < 0x10000 - 1024, "a stamp tells an age until the next sweep");
+  static_assert(overdue_units + max_units + 1 < 0x10000 - 1024, "a stamp gives an age until the next sweep");
 
   LoadStore<std::uint16_t> clock_{0};
   LoadStore<std::uint16_t> swept_{0};  ///< the clock when the interrupt last checked

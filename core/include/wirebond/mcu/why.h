@@ -76,7 +76,7 @@ static inline const char* wirebond_why_text(wirebond_why_t why) {
              "come than `link: baud` of the protocol file allows in that time. Deadlines strike late, or never. The "
              "poll takes microseconds: give milliseconds, as of HAL_GetTick(), to poll_ms; and compare the baud rates";
     case WIREBOND_WHY_HEARS_ITSELF:
-      return "what this end sends comes back to it, as an echo: is TX shorted to RX? On RS-485 or one wire write "
+      return "this end receives its own bytes, as an echo: is TX shorted to RX? On RS-485 or one wire write "
              "`echo: true` under `link` of the protocol file, or switch the receiver off while this end sends";
     case WIREBOND_WHY_NOTHING_UNDERSTOOD:
       return "bytes come, and no frame is among them: compare baud rate, parity, stop bits and protocol file of both "
@@ -90,7 +90,7 @@ static inline const char* wirebond_why_text(wirebond_why_t why) {
       return "frames come, and many bytes have errors: the counters say which kind. Framing: baud rate, ground, cable; "
              "noise: use one sample for each bit; overrun: give the receive DMA the highest priority";
     case WIREBOND_WHY_MANY_COLLISIONS:
-      return "what is sent often comes back otherwise: two ends send at the same time, or the line is disturbed. Let "
+      return "sent bytes often come back altered: two ends send at the same time, or the line is disturbed. Let "
              "only one end begin, and the others answer";
     case WIREBOND_WHY_SLOW_WITHOUT_CLOCK:
       return "a poll came later than half the shortest deadline, and the port has no clock: a command that waits for a "
@@ -98,8 +98,7 @@ static inline const char* wirebond_why_text(wirebond_why_t why) {
              "work, such as erasing flash, out of handlers";
     case WIREBOND_WHY_POLLED_TOO_SELDOM:
       return "the receive ring overflows between two polls, and received bytes are lost: poll more often, or enlarge "
-             "the "
-             "ring to twice what the line brings between two polls";
+             "the ring to twice the bytes that can arrive between two polls";
     case WIREBOND_WHY_CLOCK_STEPS_BACK:
       return "the time that the poll is given has stepped back: a clock that is put together from a tick and a timer "
              "reads both again until the tick is the same, and all polls of a link have one clock";

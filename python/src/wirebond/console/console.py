@@ -64,8 +64,8 @@ class Console:
     ) -> None:
         if token is not None and not _TOKEN.fullmatch(token):
             raise UsageError(
-                "the console's token stands in an address and in a header, and this one cannot; give letters, digits, "
-                "'-', '_', '.' and '~'"
+                "the console's token is part of an address and of a header; use only letters, digits, '-', '_', '.' "
+                "and '~'"
             )
         self._socket = tcp_socket(host, port)
         self._host = host

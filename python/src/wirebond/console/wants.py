@@ -108,7 +108,7 @@ def _views(asked: dict[str, Any]) -> Views:
 
 
 def _not_understood(where: str, error: Exception) -> UsageError:
-    return UsageError(f"this does not say what to show{where}: {error}; see docs/console-api.md")
+    return UsageError(f"this does not name the data to show{where}: {error}; see docs/console-api.md")
 
 
 def _check(views: Views) -> None:

@@ -583,9 +583,7 @@ def open_link(
     """
     if port is None:
         if isinstance(protocol, Codec) or not os.fsdecode(path("protocol", protocol, _PROTOCOL)).startswith(SCHEME):
-            raise UsageError(
-                "open() needs a port behind the protocol file, such as /dev/ttyUSB0; or a server's address"
-            )
+            raise UsageError("open() needs a port after the protocol file, such as /dev/ttyUSB0, or a server's address")
         port = os.fsdecode(protocol)
         codec = codec_of_server(server_address(port))
     else:

@@ -194,6 +194,8 @@ def listen(
     elif port is None and host_port is not None and mcu_port is not None:
         ports = {"host": host_port, "mcu": mcu_port}
     else:
-        raise UsageError("give host_port and mcu_port, where each direction has its port, or port, which hears both")
+        raise UsageError(
+            "give host_port and mcu_port if each direction has its own port, or port for one that hears both"
+        )
     codec = protocol if isinstance(protocol, Codec) else load(protocol)
     return Listener(codec, ports, baud, wait_for_port)

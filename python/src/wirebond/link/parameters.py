@@ -350,7 +350,7 @@ def _read_file(path: Path) -> dict[str, Any]:
     named = {str(name): value for name, value in found.items()}
     if len(named) < len(found):  # `1` and `"1"` of YAML are one parameter
         twice = next(name for name, count in Counter(map(str, found)).items() if count > 1)
-        raise ParameterError(f"{path}: {twice} stands there twice; remove one of them")
+        raise ParameterError(f"{path}: {twice} is listed twice; remove one of them")
     return named
 
 

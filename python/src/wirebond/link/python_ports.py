@@ -276,12 +276,12 @@ class PythonOpener:
         cause = error.__context__ if error is not None and isinstance(error.__context__, OSError) else error
         code = None if cause is None else cause.errno
         if self._name.is_tcp and code is None:
-            return f"{self._name.text} closed the connection; look at what its server says"
+            return f"{self._name.text} closed the connection; look at the log of its server"
         reason = "hang-up" if code is None else os.strerror(code)
         if self._name.is_tcp:
             return f"the connection to {self._name.text} broke ({reason}); look at the network and the server"
         place = self._at if self._at == self._name.text else f"{self._name.text}: {self._at}"
-        return f"{place} went away ({reason}); plug it in again, or look at what the system says of it"
+        return f"{place} went away ({reason}); plug it in again, or look at the system's log"
 
     def appearance(self) -> object:
         """Changes when the port's file may have appeared, or may be opened by others than before; always the same
@@ -331,8 +331,8 @@ class PythonOpener:
             )
         if isinstance(error, ConnectionAbortedError | BrokenPipeError | ConnectionResetError):
             return (
-                f"{name} closed the connection at once; its serial port may be away, or in use by another client: look "
-                "at what its server says"
+                f"{name} closed the connection at once; its serial port may be missing, or in use by another client: "
+                "look at the log of its server"
             )
         text = str(error)
         if "seem to support RFC2217" in text:
@@ -342,7 +342,7 @@ class PythonOpener:
             )
         if isinstance(error, ValueError):
             what = next((said for key, said in _RFC2217_SETTINGS.items() if f"'{key}'" in text), "the settings")
-            return f"{name} refused {what} of the link ({self._settings}); choose what its serial port knows"
+            return f"{name} refused {what} of the link ({self._settings}); choose a value that its serial port supports"
         if "RFC2217" in text or "timeout while waiting" in text:
             return f"{name} did not confirm the settings of the link ({self._settings}); check what its server allows"
         return f"cannot connect to {name}: {cause}; check its address and the network"

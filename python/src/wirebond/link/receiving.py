@@ -480,7 +480,9 @@ class Receiving:
         sender = None if plan.peer is None else plan.header[plan.peer].name
         if plan.peer is None or sender not in header:
             advice = "leave out header=" if sender is None else f"give {sender}"
-            raise UsageError(f"header is {shown(dict(header))}, which does not say who sent the message; {advice}")
+            raise UsageError(
+                f"header is {shown(dict(header))}, which does not name the sender of the message; {advice}"
+            )
         return _engine.header_bits(self.codec.tables.format_for(other(self._end)), dict(header))[plan.peer]
 
     def _question(

@@ -295,15 +295,15 @@ def timeout_error(
     elif state == "stale":
         advice = f"Nothing at all comes; check the cable, the baud rate, and that the {peer} runs"
     else:
-        meanwhile = "; nothing arrived meanwhile"
+        meanwhile = "; nothing arrived in that time"
         advice = f"Give it more time, or check that the {peer} answers {question.message}"
         advice += ", and the address" if whom else ""
     if question.others and question.carried is not None:
         came = ", ".join(f"{name} {value}" for name, value in question.others.items())
         asked_for = ", ".join(f"{name} {question.carried.get(name)}" for name in question.others)
         advice = (
-            f"A {question.reply} came with {came}, where {asked_for} was asked for; check that the {peer} sends back "
-            "what it was asked"
+            f"A {question.reply} came with {came}, but {asked_for} was asked for; check that the {peer} repeats the "
+            "value that it was asked for"
         )
     return RequestTimeoutError(
         f"no {question.reply}{whom} within {timeout:g} s of {question.message}{meanwhile}. {advice}",

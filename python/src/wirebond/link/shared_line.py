@@ -188,7 +188,7 @@ class SharedLine:
 
 def _sentence(of_host: str, of_mcu: str) -> str:
     if of_host == of_mcu:
-        return f"both ends send {of_host}, and nothing in its frames tells which one did: they come as `either`"
+        return f"both ends send {of_host}, and its frames do not show which one sent them: they arrive as `either`"
     return (
         f"{of_host} of the host and {of_mcu} of the MCU look the same: such frames come as `either`, read as {of_host}"
     )

@@ -52,7 +52,9 @@ def path_fault(path: str) -> str:
 def protocol_fault(name: str) -> str:
     """As `fault`, for a protocol's name, which becomes a namespace and names of files."""
     if name in _NAMESPACES:
-        return f"is taken in C++, where the protocol's name becomes a namespace; write for example `{name}_link`"
+        return (
+            f"is a reserved word in C++, and the protocol's name becomes a namespace; write for example `{name}_link`"
+        )
     if fault(name) or not _PROTOCOL_SHAPE.match(name):
         return fault(name) or (
             "cannot be a protocol's name, because it becomes a namespace and names of files: lower case, a letter "

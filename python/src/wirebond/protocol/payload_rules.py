@@ -171,7 +171,7 @@ class _Lowering:
 
     def _add(self, wire: bytes, masks: bytes) -> None:
         if self.is_lost:
-            self._fail(f"`{self.name}` stands behind something whose size no count tells; move it before that")
+            self._fail(f"`{self.name}` follows a field of varying size that has no count; move it before that field")
         for place, (byte, mask) in enumerate(zip(wire, masks, strict=True)):
             if mask:
                 self.constants.append(PayloadConstant(self.at + place, len(self.counts), mask, byte))
@@ -181,8 +181,8 @@ class _Lowering:
     def _read_varying(self, one: Field, told: tuple[Told, ...], size: int, most: int) -> None:
         if has_constants(one.fields):
             self._fail(
-                f"`{self.name}` varies in number, and its elements hold a constant; a constant stands where its place "
-                "is known: move it out of them"
+                f"`{self.name}` varies in number, and its elements contain a constant; a constant needs a fixed "
+                "place: move it out of the elements"
             )
         numbers = self._numbers[-1]
         if not told or told[0].name not in numbers or any(member.is_variable for member in one.fields):

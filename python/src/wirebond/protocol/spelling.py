@@ -71,7 +71,7 @@ def field_type(field: Field) -> str:
 def _digits_text(digits: Digits) -> str:
     if digits.base == 16:
         return "hex digits"
-    return f"decimal digits, {digits.decimals} behind the point" if digits.decimals else "decimal digits"
+    return f"decimal digits, {digits.decimals} after the point" if digits.decimals else "decimal digits"
 
 
 def repeated_type(field: Field) -> str:
@@ -88,7 +88,7 @@ def repeated_type(field: Field) -> str:
 
 def _how_many(field: Field) -> str:
     if field.ends_with is not None:
-        return f"up to {field.max_size} bytes and a 0x{field.ends_with:02X} behind them"
+        return f"up to {field.max_size} bytes, followed by 0x{field.ends_with:02X}"
     asked = f"; {field.asked_by} of the request says how many" if field.asked_by else ""
     return (how_counted(field) or "to the payload's end") + asked
 

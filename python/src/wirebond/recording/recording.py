@@ -117,8 +117,8 @@ class Recording:
         """Yield the facts that a raw capture lacks."""
         if self.is_capture and self.codec.model.format.ends_by_silence:
             yield (
-                f"frames of {self.codec.name} end by silence, and a raw capture has no times, so they cannot be told "
-                "apart; record the line with `wirebond record`"
+                f"frames of {self.codec.name} end by silence, and a raw capture has no times, so they cannot be "
+                "separated; record the line with `wirebond record`"
             )
 
     @property

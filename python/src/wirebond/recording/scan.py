@@ -214,7 +214,7 @@ class Scan:
 
     def _cut(self, at: int) -> None:
         behind = self.size - at
-        what = f"the {behind} bytes behind that are lost" if behind else "nothing behind that is known"
+        what = f"the {behind} bytes after that are lost" if behind else "nothing after that is known"
         self._problem(f"it ends without its end: the last whole record ends at byte {at}, {what}")
 
     def _problem(self, sentence: str) -> None:

@@ -194,8 +194,8 @@ def _sync_folder(folder: Path) -> None:
 def unsafe_sentence(error: OSError, path: Path, unsafe: str) -> str:
     """Why a recording ended when the disk did not keep what was written. ``unsafe``: of the writer."""
     return (
-        f"the recording {path} ended early: the disk did not keep what was written ({error.strerror or error}); check "
-        f"the disk, or record to another one. {unsafe}"
+        f"the recording {path} ended early: the disk did not store the data ({error.strerror or error}); check the "
+        f"disk, or record to another one. {unsafe}"
     )
 
 
@@ -207,7 +207,7 @@ def full_disk_sentence(error: OSError, path: Path) -> str:
         why = "the file may not become larger here; raise the limit, or record for a shorter time"
     else:
         why = f"{error.strerror or error}; look at the disk"
-    return f"the recording {path} ended early: {why}. What was written before can be read"
+    return f"the recording {path} ended early: {why}. Everything written before that can be read"
 
 
 class RecordingEndedError(WirebondError):

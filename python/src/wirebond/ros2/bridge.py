@@ -261,7 +261,7 @@ class Bridge:
             return
         self._stop_waits = False
         self._kept_stop.write(self._whole(self.mapping.emergency_stop or ""))
-        held = "emergency stop: what moves the robot is held until false comes"
+        held = "emergency stop: messages that move the robot are held back until false arrives"
         self._throttle.say("error", "emergency stop", held, _ACTS)  # a button may publish it all the time
 
     def _hold_kept_stop(self, topic: str) -> None:

@@ -82,7 +82,7 @@ class Diagnostics:
     def _of_topics(self) -> dict[str, Any]:
         counts = dict(self._unreadable)
         new = [topic for topic, count in counts.items() if self._new(topic, count)]
-        text = f"what came on {', '.join(new)} was not of its type" if new else "all messages are of their types"
+        text = f"a message on {', '.join(new)} was not of its type" if new else "all messages are of their types"
         facts = {f"{topic}: messages not of its type": count for topic, count in counts.items()}
         return self._status("topics", WARN if new else OK, text, facts)
 

@@ -129,7 +129,7 @@ class Client(asyncio.Protocol):
 
     def make_way(self) -> None:
         """Too many connections have not said who they are, and this is the oldest."""
-        self.refuse("too_many", "too many connections have not said who they are; attach again")
+        self.refuse("too_many", "too many connections have not identified themselves; attach again")
         if self._transport is not None:
             self._transport.abort()  # also where it does not read
 

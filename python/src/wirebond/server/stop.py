@@ -43,8 +43,8 @@ class StopBook:
             return
         if not link.codec.model.emergency_stop or link.role != End.HOST:
             _log.warning(
-                "%s stopped the robot, and nobody has released that stop; this server cannot hold it, because %s has "
-                "no emergency_stop. Look at the robot; %s.stop keeps the stop for a server that can",
+                "%s stopped the robot, and the stop has not been released; this server cannot hold it, because %s "
+                "has no emergency_stop. Look at the robot; %s.stop keeps the stop for a server that can",
                 found,
                 link.codec.name,
                 path,

@@ -172,7 +172,9 @@ def _reason(protocol: Protocol) -> str:
         units = "bytes" if algorithm.unit == 1 else "words"
         return f"in an exclusive-or two wrong bits at the same place of two {units} cancel"
     if algorithm.kind == CheckKind.FLETCHER:
-        return "Fletcher's sums are weak against errors close together, and some of them do not tell 0x00 from 0xFF"
+        return (
+            "Fletcher's sums are weak against errors close together, and some of them do not distinguish 0x00 from 0xFF"
+        )
     bits = min(part.check_bits, algorithm.kept.bit_count())
     if bits < 16:
         return f"a check of {bits} bits agrees by chance with 1 in {count(2**bits)} damaged frames"

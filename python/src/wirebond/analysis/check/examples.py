@@ -59,7 +59,7 @@ def _compare(codec: Codec, example: Example, values: dict[str, Any]) -> tuple[st
     if [message.name for message in messages] != [example.message]:
         return (
             f"its bytes decode as {', '.join(message.name for message in messages) or 'nothing'}",
-            "the receiver does not read what the sender writes",
+            "the receiver does not read the sender's values",
             "this is a fault of Wirebond; please report it with the file",
         )
     different = _different_values(messages[0], values)

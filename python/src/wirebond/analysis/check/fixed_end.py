@@ -13,7 +13,8 @@ _WITH_A_GIVEN_FORMAT: dict[str, str | None] = {
     "uncovered-part": "give every field a `range`, and act on no single message that could do harm",
     "false-frames": "give every field a `range`, and wait for a second message before you act on the first",
     "inserted-zero": "give every field a `range`, and act on no single message that could do harm",
-    "cut-frame": "give the fields that can be such a byte a `range` without it, or repeat what must arrive",
+    "cut-frame": "give the fields that can be such a byte a `range` without it, or repeat the messages that must "
+    "arrive",
     "frequent-magic": None,
     "shared-id": "name the `--sender` when you decode a recording of both directions",
 }

@@ -31,7 +31,7 @@ def assess(codec: Codec, places: Places) -> list[Finding]:
                     RULE,
                     Severity.ERROR,
                     f"{what} cannot be sent: {why}",
-                    "what stops the robot would never reach the MCU"
+                    "the stop would never reach the MCU"
                     if what == "the emergency stop"
                     else "nothing would end that deadline",
                     f"correct the values of `{message.message}` there",

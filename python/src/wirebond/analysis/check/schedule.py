@@ -73,9 +73,9 @@ def _fed_by_own_end(protocol: Protocol, places: Places) -> list[Finding]:
                 Severity.WARNING,
                 f"`{deadline.message}` has a deadline at the {_end_word(deadline.at)}, which sends "
                 f"`{deadline.message}` as well",
-                f"where TX touches RX, or a transceiver hears itself, the frames of the {_end_word(deadline.at)} come "
-                f"back to it; if its link does not recognise one, `{deadline.then}` stays away although nobody else "
-                "is there",
+                f"if TX touches RX, or a transceiver hears itself, the frames of the {_end_word(deadline.at)} come "
+                f"back to it; unless its link recognises each of them, `{deadline.then}` does not act although no "
+                "other end is there",
                 f"let each end send a message of its own: `sender: {_other(deadline.at).value}` for the one with the "
                 "deadline",
                 place.line,
@@ -107,10 +107,10 @@ def assess_safety(protocol: Protocol, places: Places) -> list[Finding]:
             Finding(
                 "no-deadline",
                 Severity.NOTE,
-                f"no deadline watches what the host commands ({names})",
+                f"no deadline watches the host's commands ({names})",
                 "when the cable is pulled or the program hangs, the MCU goes on with the last command",
-                "read in the device's manual what it does then; if it stops by itself after some time, write that as a "
-                "deadline `at: mcu`, so that `wirebond sim` stops as well"
+                "look in the device's manual for its reaction; if it stops after some time, write that as a deadline "
+                "`at: mcu`, so that `wirebond sim` stops as well"
                 if is_fixed(protocol, End.MCU)
                 else f"add `deadlines: [{{message: {commands[0].name}, at: mcu, after: 200 ms, then: stop}}]`",
                 place.line,
@@ -124,7 +124,7 @@ def assess_safety(protocol: Protocol, places: Places) -> list[Finding]:
                 "no-emergency-stop",
                 Severity.NOTE,
                 f"the host commands something ({names}) and the file has no `emergency_stop`",
-                "tools and `link.emergency_stop()` do not know what stops this robot",
+                "tools and `link.emergency_stop()` do not know how to stop this robot",
                 "add `emergency_stop:` with the message and the values that stop it",
                 place.line,
                 place.column,

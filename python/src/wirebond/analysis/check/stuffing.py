@@ -61,7 +61,7 @@ def _reason(protocol: Protocol) -> str:
     check = protocol.format.part(PartKind.CHECK)
     is_crc = check is not None and check.algorithm is not None and check.algorithm.kind == CheckKind.CRC
     why = (
-        "without a final xor a CRC's register is zero behind an intact frame and stays so with one zero more"
+        "without a final xor a CRC's register is zero after an intact frame, and one more zero does not change it"
         if is_crc
         else "a zero more does not change a sum or an exclusive-or"
     )
@@ -98,7 +98,7 @@ def assess(protocol: Protocol, found: InsertedZero | None, places: Places) -> li
             RULE,
             Severity.WARNING,
             f"with {name} {percent(found.any_size.share)} of frames pass after a zero byte was inserted before or "
-            f"behind the content ({count(found.any_size.accepted)} of {count(found.any_size.samples)}), and "
+            f"after the content ({count(found.any_size.accepted)} of {count(found.any_size.samples)}), and "
             f"{percent(found.own.share)} where the sizes of this file's messages are known",
             _reason(protocol),
             "take a CRC with a final xor, such as `crc-16/ibm-sdlc`",

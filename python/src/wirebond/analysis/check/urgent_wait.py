@@ -74,7 +74,7 @@ def assess(protocol: Protocol, waits: list[UrgentWait], places: Places) -> list[
             Finding(
                 RULE,
                 Severity.WARNING,
-                f"{direction(wait.sender)} an urgent frame waits up to {seconds(wait.seconds)} behind {behind}",
+                f"{direction(wait.sender)} an urgent frame waits up to {seconds(wait.seconds)} after {behind}",
                 f"{rule}, and {why}",
                 advice,
                 place.line,

@@ -134,11 +134,11 @@ def _echo(dump: Dump) -> Diagnosis | None:
         return None
     return Diagnosis(
         Kind.ECHO,
-        "What the host sends comes back to it",
+        "The host's bytes come back to it",
         f"{back} of {len(times)} sent frames were received again",
-        "On one wire or RS-485 the adapter hears itself: write `echo: true` under `link` of the protocol file, or "
-        "switch its receiver off while it sends. Else look for a bridge between transmit and receive, or a peer that "
-        "repeats what it gets.",
+        "On one wire or RS-485 the adapter hears its own bytes: write `echo: true` under `link` of the protocol "
+        "file, or switch its receiver off while it sends. Else look for a bridge between transmit and receive, or a "
+        "peer that repeats what it gets.",
     )
 
 
@@ -152,7 +152,7 @@ def _collisions(dump: Dump) -> Diagnosis | None:
     if collided > 0.9 * sent:
         return Diagnosis(
             Kind.NO_ECHO,
-            "What is sent does not come back, and the protocol file says `echo: true`",
+            "Sent bytes do not come back, but the protocol file says `echo: true`",
             evidence,
             "Is the transceiver's driver enabled while this end sends, and its receiver always? If the adapter does "
             "not hear itself, remove `echo: true` from `link` of the protocol file.",
@@ -221,7 +221,7 @@ def _two_writers(codec: Codec, received: list[DumpEntry], peer: End) -> Diagnosi
     return Diagnosis(
         Kind.TWO_WRITERS,
         "Two senders write on one line",
-        f"{torn} frames stand in the middle of another frame, which is whole without them",
+        f"{torn} frames are in the middle of another frame, which is whole without them",
         "Let one task, or one device, send at a time: a lock around the transmit call, or the send queue of Wirebond.",
     )
 

@@ -15,7 +15,7 @@ def changed_settings(dump: Dump) -> Diagnosis | None:
     return Diagnosis(
         Kind.SHARED_PORT,
         "Another program changes the settings of this port",
-        f"{times} time{'s' * (times != 1)}; the link has put them back each time, and lost bytes meanwhile",
+        f"{times} time{'s' * (times != 1)}; the link restored them each time, and lost bytes until then",
         "Close that program: `stty`, a terminal or a service such as ModemManager. `wirebond doctor PORT` names those "
         "that have the port open.",
     )

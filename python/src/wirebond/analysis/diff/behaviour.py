@@ -42,7 +42,7 @@ def _line(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterator[Change]
         sentence = f"stop_bits {before.stop_bits:g} became {after.stop_bits:g}"
         yield changed("link", sentence, effects, place=("link", "stop_bits"))
     if before.echo != after.echo:
-        words = {False: "an end does not hear what it sends", True: "an end hears what it sends"}
+        words = {False: "an end does not hear its own bytes", True: "an end hears its own bytes"}
         yield harmless("link", f"{words[before.echo]} became: {words[after.echo]}", place=("link", "echo"))
     if before.on_mismatch != after.on_mismatch:
         sentence = f"on_mismatch {before.on_mismatch} became {after.on_mismatch}"

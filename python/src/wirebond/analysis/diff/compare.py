@@ -43,7 +43,7 @@ def compare(old: Protocol, new: Protocol) -> Comparison:
     if not on_wire and protocol_hash(one) != protocol_hash(other):
         # A difference that no rule above knows: better a wrong alarm than none.
         effects = [Effect(sides.flow, True, "it may be read otherwise") for sides in routes]
-        changes.append(changed("hash", "the files differ in what bytes mean", effects))
+        changes.append(changed("hash", "the files differ in the meaning of bytes", effects))
     return Comparison(old, new, tuple(sorted(changes, key=lambda change: change.verdict.rank)))
 
 

@@ -24,7 +24,7 @@ def field_changes(old: Fields, new: Fields, where: Where) -> Iterator[Change]:
         at = where.at(name, is_last=False)
         yield changed(
             at.path,
-            "lies at another place among the fields",
+            "is at another place among the fields",
             where.everywhere("its bytes are read as another field"),
             place=at.place,
         )
@@ -93,7 +93,7 @@ def _other_fields(before: Fields, after: Fields, where: Where) -> Iterator[Chang
     else:
         sentence = "is new among the fields" if after else "is gone from among the fields"
         by = new_size if after else size
-        effect = "what follows lies elsewhere" if by is None else f"what follows lies {_bytes_text(by)} elsewhere"
+        effect = "everything after it moves" if by is None else f"everything after it moves by {_bytes_text(by)}"
     yield changed(path, sentence, where.everywhere(effect), place=place, gone=not after)
 
 
@@ -161,15 +161,15 @@ def _other_constant(a: Field, b: Field, where: Where) -> Change:
         sent, read = (b, a) if sides.flow.from_new else (a, b)
         breaks = read.constant is not None and read.constant_bytes != sent.constant_bytes
         refuses = f"the {sides.receiving} takes no frame that has another value there"
-        effects.append(Effect(sides.flow, breaks, refuses if breaks else "what is sent there is taken"))
-    return changed(where.path, "another constant, or none, stands there", effects, place=where.place)
+        effects.append(Effect(sides.flow, breaks, refuses if breaks else "it accepts the values that are sent there"))
+    return changed(where.path, "another constant, or none, is at that place", effects, place=where.place)
 
 
 def _resized(where: Where, sentence: str) -> Change:
     if where.tail is not None:
         name = where.path.rpartition(".")[2]
         return changed(where.path, sentence, [where.tail(sides, name) for sides in where.routes], place=where.place)
-    return changed(where.path, sentence, where.everywhere("what follows lies elsewhere"), place=where.place)
+    return changed(where.path, sentence, where.everywhere("everything after it moves"), place=where.place)
 
 
 def _spelled(field: Field) -> str:
@@ -196,7 +196,7 @@ def _misread(sent: Field, read: Field, sides: Sides) -> Effect:
     if not (binary and same_bytes and same_order):
         moved = _bytes([sent]) != _bytes([read])
         return Effect(
-            sides.flow, True, "it is read as other values" + (", and what follows lies elsewhere" if moved else "")
+            sides.flow, True, "it is read as other values" + (", and everything after it moves" if moved else "")
         )
     least, greatest = 0, int(min(wire_limits(sent)[1], wire_limits(read)[1]))
     low, high = _sent_numbers(sent)

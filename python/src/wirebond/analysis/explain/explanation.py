@@ -252,7 +252,7 @@ class _Stretches:
             rows = (Row("rest", 0, begin, inside, inside, "cannot be taken apart", State.WRONG),) if inside else ()
         else:
             content = candidate.content if end is not None else plain(self._data[begin : run.stop])
-            assert content is not None, "what was examined was unstuffed"
+            assert content is not None, "the unstuffed bytes were examined"
             rows = self._rows(case, case.verdict, content, begin)
         if end is not None:
             rows = self._with_delimiters(rows, run.start, begin, end, run.stop)

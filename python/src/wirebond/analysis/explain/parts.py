@@ -51,7 +51,7 @@ _COUNTED = {  # in a document, and of one frame
 _PAYLOADS = {
     PayloadRule.BY_LENGTH: "as many bytes as the length says",
     PayloadRule.BY_ID: "as many bytes as the message has",
-    PayloadRule.REST: "all that lies between the other parts; no length is sent",
+    PayloadRule.REST: "everything between the other parts; no length is sent",
 }
 
 

@@ -73,7 +73,7 @@ class _Rows:
             self._add(part.name, 0, start, stop, text, self._state(index))
             if part.kind == PartKind.PAYLOAD:
                 self._add_fields(start, min(stop, size))
-        rest = "what follows belongs to no frame"
+        rest = "the bytes from here on are in no frame"
         if self.second_look.payload is None:
             rest = "the payload's size is not known, so that the rest has no places"
         self._add("rest", 0, end, size, rest, State.NAMED)

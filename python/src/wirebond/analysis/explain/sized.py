@@ -35,7 +35,7 @@ class _Undoing:
                     return False
                 rule = self.frame_format.insertion
                 if rule is None or self.data[self.read] != rule.byte:
-                    self.reason = "the byte that is inserted behind the sequence is missing"
+                    self.reason = "the byte that is inserted after the sequence is missing"
                     return False
                 self.added.append((self.read, f"inserted behind {rule.after.hex(' ').upper()}"))
                 self.read += 1
@@ -55,7 +55,7 @@ class _Undoing:
             wrong = next((i for i, one in enumerate(pair) if one in self.starts), None)
             if wrong is not None:
                 self.read += wrong
-                self.reason = f"{self.data[self.read]:02X} begins a frame, and stands within one"
+                self.reason = f"{self.data[self.read]:02X} begins a frame, but occurs within one"
                 return False
             if byte == rule.escape:
                 if len(pair) < 2:
@@ -135,7 +135,7 @@ def examine_sized(protocol: Protocol, data: bytes, sender: End | None) -> SizedV
         if undoing.reason:
             return refused(Cause.BAD_STUFFING, undoing.read + 1, undoing.reason)
         if undoing.read != end or undoing.owes:
-            return refused(Cause.BAD_STUFFING, on_wire, "the stuffed bytes end in the middle of what stands for one")
+            return refused(Cause.BAD_STUFFING, on_wire, "the stuffed bytes end in the middle of an escaped byte")
         for at in range(end, on_wire):
             undoing.out.append(data[at])
             undoing.places.append((at, at + 1))

@@ -35,7 +35,7 @@ def unstuff(frame_format: FrameFormat, block: bytes) -> Unstuffed | Impossible:
     """``block``: the bytes between two delimiters."""
     front, back = plain_sizes(frame_format)
     if len(block) < front + back:
-        return Impossible(0, f"{len(block)} bytes, and {front + back} stand beside the stuffed ones")
+        return Impossible(0, f"{len(block)} bytes, and {front + back} are beside the stuffed ones")
     stop = len(block) - back
     found = _known(frame_format.stuffing)[0](frame_format, block[front:stop])
     if isinstance(found, Impossible):
@@ -122,11 +122,11 @@ def _unescape(frame_format: FrameFormat, block: bytes) -> Unstuffed | Impossible
             at += 1
             continue
         if at + 1 == len(block):
-            return Impossible(at, f"the escape {rule.escape:02X} stands at the frame's end")
+            return Impossible(at, f"the escape {rule.escape:02X} is at the frame's end")
         code = block[at + 1]
         byte = code ^ rule.exclusive_or if rule.exclusive_or else meant.get(code)
         if byte is None:
-            return Impossible(at + 1, f"{code:02X} means nothing behind the escape {rule.escape:02X}")
+            return Impossible(at + 1, f"{code:02X} means nothing after the escape {rule.escape:02X}")
         data.append(byte)
         places.append((at, at + 2))
         at += 2
@@ -179,7 +179,7 @@ def _uninsert(frame_format: FrameFormat, block: bytes) -> Unstuffed | Impossible
         at += 1
         if data.endswith(rule.after):
             if at == len(block) or block[at] != rule.byte:
-                return Impossible(at, f"behind {rule.after.hex(' ').upper()} the inserted {rule.byte:02X} is missing")
+                return Impossible(at, f"the inserted {rule.byte:02X} is missing after {rule.after.hex(' ').upper()}")
             added.append((at, f"inserted behind {rule.after.hex(' ').upper()}"))
             at += 1
     return Unstuffed(block, bytes(data), tuple(places), tuple(added))

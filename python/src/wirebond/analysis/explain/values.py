@@ -162,7 +162,7 @@ def _with_promises(reading: Reading, told: tuple[Told, ...], numbers: Mapping[st
     for one in told:
         if numbers[one.name] != found * one.per:
             what = "bytes" if is_string or one.per > 1 else "elements"
-            fault = f" has {found * one.per} {what}, and {one.name} tells {numbers[one.name]}"
+            fault = f" has {found * one.per} {what}, and {one.name} says {numbers[one.name]}"
             reading = replace(reading, faults=(*reading.faults, fault))
     return reading
 

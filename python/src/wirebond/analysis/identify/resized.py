@@ -35,7 +35,7 @@ class Resized:
         much = f"{off} byte{'s' * (off != 1)} {'longer' if self.size > self.told else 'shorter'}"
         return (
             f"{self.file.name} fits if its payload has {self.size} bytes and not {self.told}: the frames are {much} "
-            f"than {self.file.model.path} says. Compare its fields with what the sender packs."
+            f"than {self.file.model.path} says. Compare its fields with the sender's code."
         )
 
 

@@ -73,8 +73,8 @@ class _Writer:
         parts = [self._spelled(line, parts) for line in parts]
         text = "\n".join(
             [
-                f"# Drafted from {source} by `wirebond infer`. Compare it with what you know of the device.",
-                f"# {len(self.frames)} frames, {self.cut.covered} bytes. Each comment says what speaks for its line.",
+                f"# Drafted from {source} by `wirebond infer`. Compare it with your knowledge of the device.",
+                f"# {len(self.frames)} frames, {self.cut.covered} bytes. Each comment gives the evidence for its line.",
                 "wirebond: 1",
                 f"protocol: {name}",
                 "frame:",
@@ -305,7 +305,7 @@ class _Writer:
                 f"byte{'s' * many} {places} never change{'s' * (not many)} here: an address, a version, or a part of "
                 "the magic."
             )
-        self.uncertain.append("what the payloads mean: they are plain bytes here.")
+        self.uncertain.append("the meaning of the payloads: here they are plain bytes.")
 
 
 def draft(cut: Cut, check: Check | None, name: str, source: str, sender: End, *, with_id: bool = True) -> Draft | None:

@@ -48,7 +48,9 @@ def run_for_ros(seconds: float | None, in_terminal: bool, open_browser: bool) ->
             show(console, open_browser)
         bridge = stack.enter_context(bridge_to(f"wirebond://{folder}/rover.sock", mapping))
         node = f"{mapping.namespace.rstrip('/')}/{mapping.node}"
-        terminal.print(f"rover on {plain(process.port)}, ROS 2 node [bold]{node}[/]. It stands until ROS drives it:")
+        terminal.print(
+            f"rover on {plain(process.port)}, ROS 2 node [bold]{node}[/]. It does not move until ROS drives it:"
+        )
         for line in _COMMANDS:
             terminal.print(f"  {line.format(node=node)}", markup=False, highlight=False, soft_wrap=True)
         end = math.inf if seconds is None else time.monotonic() + seconds

@@ -178,7 +178,7 @@ def _likelihood(guess: FittingGuess) -> str:
     assert guess.chance is not None
     others = f"; {guess.others} more of them fit{'s' * (guess.others == 1)}" if guess.others else ""
     if guess.tried > _MOST_COUNTED:
-        guesses = f"worked out from the frames, of about 2^{guess.tried.bit_length() - 1} possible ones"
+        guesses = f"determined by the frames, of about 2^{guess.tried.bit_length() - 1} possible ones"
     else:
         guesses = f"{guess.tried} guess{'es' * (guess.tried != 1)} of this kind tried{others}"
     if guess.of > 1:

@@ -139,7 +139,9 @@ def _port_files(port: str, language: str, amalgamate: bool) -> dict[str, str]:
 def _write_starter(model: Protocol, out: Path, language: str, port: str, starter: Starter) -> None:
     path = starter_path(out, starter.uart, language)
     write_new(path, starter_text(model, starter.uart, language, port))
-    console.print(plain(f"{path}: yours to fill in; its first lines say what goes into CubeMX's files"), soft_wrap=True)
+    console.print(
+        plain(f"{path}: yours to complete; its first lines say what to add to CubeMX's files"), soft_wrap=True
+    )
 
 
 def _check(out: Path, files: dict[str, str], path: Path) -> int:

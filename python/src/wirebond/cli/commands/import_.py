@@ -21,4 +21,4 @@ def import_structs(header: Path, out: Path | None) -> None:
         return
     write_new(out, imported.text)
     count = f"{imported.messages} message{'s' * (imported.messages != 1)}"
-    console.print(plain(f"{out}: {count}; its comments say what the header could not tell"), soft_wrap=True)
+    console.print(plain(f"{out}: {count}; its comments list what the header does not say"), soft_wrap=True)

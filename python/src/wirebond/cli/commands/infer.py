@@ -27,8 +27,8 @@ def infer_file(source: str | None, hex_text: str | None, out: Path | None, sende
         return 1
     one = found.candidate
     errors.print(
-        f"{one.frames} frames, {one.frame_share:.0%} of {one.size} bytes; evidence {one.evidence:.0f} bits. "
-        "The comments say what speaks for each line, and what is uncertain."
+        f"{one.frames} frames, {one.frame_share:.0%} of {one.size} bytes; evidence {one.evidence:.0f} bits. The "
+        "comments give the evidence for each line, and say what is uncertain."
     )
     if out is None:
         write(found.text)

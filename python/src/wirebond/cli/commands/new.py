@@ -14,7 +14,7 @@ def write_first_file(path: Path, has: str | None, template: str, port: str | Non
     file = shlex.quote(str(path))
     robot = shlex.quote(port or "/dev/ttyUSB0")
     steps = {
-        f"wirebond check {file}": "what is wrong with it, after each change",
+        f"wirebond check {file}": "its mistakes, after each change",
         f"wirebond serve {file} sim: --web": "a simulated MCU in your browser; drive it, and its values move",
         f"wirebond gen {file} --port stm32_hal --out generated": "the MCU's end; --help names the other ports",
         f"wirebond serve {file} {robot} --web": "the robot itself" + ("" if port else ", at its own port"),

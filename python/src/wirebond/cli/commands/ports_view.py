@@ -9,7 +9,7 @@ from wirebond.cli.output import console, plain
 _NONE = """\
 There is no serial port on this machine.
 Check that the board is plugged in and has power, and that its USB cable carries data:
-some only charge. `wirebond doctor` looks for what is in the way on this machine."""
+some only charge. `wirebond doctor` finds the obstacle on this machine."""
 
 
 _NOT_HERE = """\
@@ -23,7 +23,7 @@ def print_ports(rows: list[dict[str, Any]], can_list: bool) -> None:
         console.print(_lines(_NONE if can_list else _NOT_HERE), soft_wrap=True)
         return
     width = max(len("port"), *(len(row["path"]) for row in rows))
-    console.print(f"[dim]{'port':<{width}}  what it is, and the name that it keeps[/]")
+    console.print(f"[dim]{'port':<{width}}  its kind, and its permanent name[/]")
     for row in rows:
         driver = f", driver {row['driver']}" if row["driver"] else ""
         shown = plain(f"{row['description']}{driver}")
@@ -39,7 +39,7 @@ def _lines(text: str) -> str:
 
 
 def _obstacle(row: dict[str, Any]) -> str | None:
-    doctor = f"`wirebond doctor {row['path']}` says what to do"
+    doctor = f"`wirebond doctor {row['path']}` shows the remedy"
     if not row["has_device"]:
         return f"there is no file {row['path']}; {doctor}"
     if not row["may_open"]:

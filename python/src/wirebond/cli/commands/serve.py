@@ -183,7 +183,7 @@ def _topics(codec: Codec, path: Path | None) -> BridgeMapping:
 def _serve_page_alone(given: Serving) -> None:
     """The page chooses the port and the protocol."""
     if given.web is None or given.port is not None or given.tcp is not None or given.record is not None or given.ros2:
-        raise UsageError("give FILE and PORT; without both, only --web is possible, where the page chooses them")
+        raise UsageError("give FILE and PORT; without both, only --web is possible: the page then chooses them")
     with ended_by_signals(), shown_server_log(), _console(web_address(given.web), given) as console:
         show(console, given.opens_browser)
         with suppress(KeyboardInterrupt):

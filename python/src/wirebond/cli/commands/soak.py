@@ -50,7 +50,7 @@ def _load_of(text: str) -> float | None:
     except ValueError:
         load = 0.0
     if not 0.01 <= load <= _MOST_LOAD:
-        raise UsageError(f"--load {text}: expected 0.01 to {_MOST_LOAD:g} times what the line carries, or `seed`")
+        raise UsageError(f"--load {text}: expected 0.01 to {_MOST_LOAD:g} times the capacity of the line, or `seed`")
     return load
 
 

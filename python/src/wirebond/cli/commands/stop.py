@@ -32,5 +32,5 @@ def stop_robot(server: str, release: bool, over: bool) -> int:
                 f"the stop still holds: {plain(error.by)} stopped the robot. Look at the robot, then add --over"
             )
             return 1
-        errors.print("the emergency stop is released; nobody is in control")
+        errors.print("the emergency stop is released; no program is in control")
         return 0

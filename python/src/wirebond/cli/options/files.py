@@ -81,7 +81,7 @@ def decode(
     sender: Annotated[str | None, typer.Option(help="Whose bytes these are: mcu or host. Without it: either.")] = None,
     hex_text: Annotated[str | None, typer.Option("--hex", help='The bytes themselves, as "AA 55 …".')] = None,
     expect: Annotated[
-        str | None, typer.Option(help="The request that these bytes answer, where replies share an id.")
+        str | None, typer.Option(help="The request that these bytes answer, if replies share an id.")
     ] = None,
     header: Header = None,
 ) -> None:
@@ -229,7 +229,7 @@ def new(
         str | None,
         typer.Option(
             metavar="PARTS",
-            help="What the robot has: base, joints=N, imu, battery; with commas. Without it: base,imu,battery.",
+            help="Parts of the robot, separated by commas: base, joints=N, imu, battery. Default: base,imu,battery.",
         ),
     ] = None,
     template: Annotated[str, typer.Option(help="Its frames: native (recommended), length or fixed.")] = "native",

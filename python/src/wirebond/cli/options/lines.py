@@ -41,7 +41,9 @@ def monitor(
     role: Role = "host",
     verbose: Annotated[
         bool,
-        typer.Option("--verbose", "-v", help="Also say what the port's driver made of baud rate, parity and latency."),
+        typer.Option(
+            "--verbose", "-v", help="Also show the baud rate, parity and latency that the port's driver has set."
+        ),
     ] = False,
 ) -> None:
     """Show what the other end sends: messages, rates, line use, statistics."""
@@ -70,10 +72,10 @@ def dump(
 def listen(
     file: ProtocolFile,
     host_port: Annotated[
-        str | None, typer.Option(metavar="PORT", help="The port that hears what the host sends.")
+        str | None, typer.Option(metavar="PORT", help="The port that receives the host's bytes.")
     ] = None,
     mcu_port: Annotated[
-        str | None, typer.Option(metavar="PORT", help="The port that hears what the MCU sends.")
+        str | None, typer.Option(metavar="PORT", help="The port that receives the MCU's bytes.")
     ] = None,
     port: Annotated[
         str | None, typer.Option(metavar="PORT", help="In place of these two: one that hears both, as on RS-485.")
@@ -118,7 +120,8 @@ def serve(
         str | None,
         typer.Option(
             envvar="WIREBOND_TOKEN",
-            help="What clients at TCP and the console's page must say. Default: one is made and printed.",
+            help="The token that clients over TCP and the console's page must present. Default: one is made and "
+            "printed.",
         ),
     ] = None,
     hear: Annotated[str, typer.Option("--listen", help="own: frames for this end alone; all: every frame.")] = "own",

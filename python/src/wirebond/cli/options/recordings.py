@@ -110,7 +110,7 @@ def replay(
         typer.Option(metavar="PROGRAM", help="Into a firmware that runs as a process under virtual time (--lockstep)."),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="PATH", help="With --into: record what the firmware does.")
+        Path | None, typer.Option("-o", "--out", metavar="PATH", help="With --into: record the firmware's behaviour.")
     ] = None,
 ) -> None:
     """Let a recording happen again: to a pty that any program opens as a port, or into a firmware."""

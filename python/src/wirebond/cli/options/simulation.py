@@ -31,7 +31,7 @@ Inserts = Annotated[
 ]
 Splits = Annotated[
     float | None,
-    typer.Option(parser=amount, metavar="CHANCE", help="Chance that the line pauses for 2 ms behind a byte."),
+    typer.Option(parser=amount, metavar="CHANCE", help="Chance that the line pauses for 2 ms after a byte."),
 ]
 FaultSeed = Annotated[
     int | None, typer.Option("--seed", parser=whole, metavar="INTEGER", help="Of the random faults. Default: 1.")
@@ -51,7 +51,7 @@ def sim(
         Path | None, typer.Option(metavar="PATH", help="Python that says how it behaves; docs/simulation.md shows it.")
     ] = None,
     with_stats: Annotated[
-        bool, typer.Option("--stats", help="At the end print as JSON what the MCU received and refused.")
+        bool, typer.Option("--stats", help="At the end, print as JSON how much the MCU received and refused.")
     ] = False,
     clock_drift: Annotated[
         float, typer.Option(metavar="PPM", help="Its clock is fast by this many parts per million; negative: slow.")
@@ -71,7 +71,7 @@ def wire(
     baud: Baud = None,
     line: Annotated[str, typer.Option(metavar="8N1", help="Data bits, parity and stop bits.")] = "8N1",
     baud_b: Annotated[
-        int | None, typer.Option(parser=whole, metavar="N", help="End B runs at this rate, where it is a wrong one.")
+        int | None, typer.Option(parser=whole, metavar="N", help="End B runs at this rate, if it differs.")
     ] = None,
     line_b: Annotated[str | None, typer.Option(metavar="8E1", help="End B has this shape of a byte.")] = None,
     ber: Ber = None,
@@ -90,7 +90,7 @@ def wire(
         str | None, typer.Option(metavar="AT:FOR", help="Pull the cable after AT seconds, for FOR seconds.")
     ] = None,
     echo: Annotated[
-        bool, typer.Option("--echo", help="Both directions are one line, as on RS-485: an end hears what it sends.")
+        bool, typer.Option("--echo", help="Both directions share one line, as on RS-485: an end hears its own bytes.")
     ] = False,
     script: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Faults at times, one a line: `2.5 a_to_b drop 10`.")
@@ -140,7 +140,7 @@ def soak(
     ] = None,
     load: Annotated[
         str,
-        typer.Option(metavar="X|seed", help="Offer X times what the line carries; seed: the experiment's own rate."),
+        typer.Option(metavar="X|seed", help="Offer X times the capacity of the line; seed: the experiment's own rate."),
     ] = "1.2",
     baud: Baud = None,
     ber: Ber = None,
@@ -191,7 +191,7 @@ def demo(
     in_terminal: Annotated[bool, typer.Option("--terminal", help="Show it here, and not in a browser.")] = False,
     browser: Browser = True,
     ros2: Annotated[
-        bool, typer.Option("--ros2", help="Make the rover a node of ROS 2. It stands until ROS drives it.")
+        bool, typer.Option("--ros2", help="Make the rover a node of ROS 2. It does not move until ROS drives it.")
     ] = False,
 ) -> None:
     """Drive a simulated rover over a tty and watch the link in the console, until Ctrl-C."""

@@ -19,13 +19,13 @@ _SERVICES = {
     "clock": "the MCU's clock against the host's",
     "log": "lines of text from the MCU",
     "parameter": "values on the MCU, read and set by index",
-    "counters": "what the MCU's link received, refused and sent",
+    "counters": "how much the MCU's link received, refused and sent",
 }
 
 
 _ECHO = (
-    "One end sends at a time, and hears what it sends. It drops its own bytes. A frame that comes back otherwise has "
-    "collided, and is counted.",
+    "One end sends at a time, and hears its own bytes. It drops them. A frame that comes back altered has collided, "
+    "and is counted.",
     "",
 )
 

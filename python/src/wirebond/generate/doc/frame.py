@@ -102,10 +102,10 @@ def _ends(protocol: Protocol) -> list[str]:
         return []
     closing = hex_of(frame_format.delimiter)
     if frame_format.opening is None:
-        return ["", f"Behind every frame stands {closing}."]
+        return ["", f"Every frame ends with {closing}."]
     if frame_format.opening == frame_format.delimiter:
-        return ["", f"Before and after every frame stands {closing}; two frames may share one."]
-    return ["", f"Before every frame stands {hex_of(frame_format.opening)}, and behind it {closing}."]
+        return ["", f"Every frame begins and ends with {closing}; two frames may share one."]
+    return ["", f"Every frame begins with {hex_of(frame_format.opening)} and ends with {closing}."]
 
 
 def _stuffing(frame_format: FrameFormat) -> list[str]:
@@ -126,15 +126,15 @@ def _stuffing(frame_format: FrameFormat) -> list[str]:
         ]
     if frame_format.insertion is not None:
         after, byte = hex_of(frame_format.insertion.after), frame_format.insertion.byte
-        return ["", f"{where} a byte `{byte:02X}` is sent behind each `{after}`. {checks}{_sized(frame_format)}"]
+        return ["", f"{where} a byte `{byte:02X}` is sent after each `{after}`. {checks}{_sized(frame_format)}"]
     if frame_format.escapes is None:
         return []
     rule = frame_format.escapes
     if rule.doubles:
         return [
             "",
-            f"{where} each byte `{rule.escape:02X}` is sent twice. {checks} A receiver takes the bytes of a frame in "
-            "pairs from such a byte on, so that it tells the second of two from a delimiter.",
+            f"{where} each byte `{rule.escape:02X}` is sent twice. {checks} From such a byte on, a receiver reads "
+            "the bytes of a frame in pairs. So it does not take the second of two for a delimiter.",
         ]
     if rule.exclusive_or:
         named = ", ".join(f"`{byte:02X}`" for byte, _ in rule.pairs)
@@ -177,8 +177,8 @@ def _checks_and_stuffing(frame_format: FrameFormat) -> str:
 
 _COBS = [
     "COBS (Consistent Overhead Byte Stuffing), so that it holds no",
-    "zero. The bytes are cut at each zero into runs; each run is sent behind a code byte that is its length plus one,",
-    "and the zeros themselves are not sent. A run of 254 bytes or more is cut after 254 bytes behind the code `FF`,",
+    "zero. The bytes are cut at each zero into runs; each run is sent after a code byte that is its length plus one,",
+    "and the zeros themselves are not sent. A run of 254 bytes or more is cut after 254 bytes, with the code `FF`,",
     "after which no zero is meant.",
 ]
 
@@ -205,12 +205,12 @@ def _after_a_failure(protocol: Protocol) -> list[str]:
         return [*lines, "Where a rule fails, drop all bytes up to the next silence.", ""]
     if frame_format.delimiter is None or frame_format.opening not in (None, frame_format.delimiter):
         search = [
-            "Where a rule fails, go on searching one byte after the start of what failed, not behind it: a good frame",
-            "may have begun inside.",
+            "If a rule fails, continue the search one byte after the start of the failed frame, not after its end:",
+            "a good frame may have begun inside.",
         ]
         if frame_format.is_strict:
             search = [
-                "Where a rule fails behind the bytes that tell the frame's size, drop the whole frame; else go on",
+                "If a rule fails after the bytes that give the frame's size, drop the whole frame; else continue",
                 "searching one byte after its start.",
             ]
         return [
@@ -252,7 +252,8 @@ def checks_chapter(protocol: Protocol) -> list[str]:
             lines += [f"The bits of {part.name} itself count as zeros.", ""]
         if part.seeded:
             lines += [
-                f"For {part.name} one byte more is counted behind the range, and not sent: the message's seed.",
+                f"For {part.name} the check also includes one byte after the range that is not sent: the message's "
+                "seed.",
                 "",
             ]
     return lines
@@ -277,7 +278,7 @@ def _algorithm(algorithm: Algorithm) -> list[str]:
         rows += [("refin", str(algorithm.refin).lower()), ("refout", str(algorithm.refout).lower())]
     if algorithm.unit > 1:
         rows.append(("unit", f"{algorithm.unit} bytes, {algorithm.unit_order.value}-endian"))
-        rows.append(("bytes behind the last unit", _ODD_TAILS[algorithm.odd]))
+        rows.append(("bytes after the last unit", _ODD_TAILS[algorithm.odd]))
     if algorithm.kind == CheckKind.FLETCHER:
         rows.append(("modulus of both sums", str(algorithm.modulus or 1 << algorithm.width // 2)))
     elif algorithm.modulus:

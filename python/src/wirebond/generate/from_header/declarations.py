@@ -109,7 +109,7 @@ def read_declarations(source: Source, path: Path) -> Declarations:
     try:
         return _Reader(source, tree).read()
     except RecursionError:  # the parser reads a row of operators in a loop and gives a tree as deep as the row is long
-        stop(path, 0, "an expression has too many operators to be worked out here; write its value as one number")
+        stop(path, 0, "an expression has too many operators for the importer; write its value as one number")
 
 
 def _nesting(text: str) -> int:
@@ -348,7 +348,7 @@ class _Reader:
                 return value
         elif isinstance(node, c_ast.Cast):
             return self._constant(node.expr)
-        raise _Unreadable("a size or value is no number that can be worked out here")
+        raise _Unreadable("the importer cannot calculate a size or value")
 
 
 _UNARY: dict[str, Callable[[int], int]] = {"-": lambda a: -a, "+": lambda a: a, "~": lambda a: ~a}

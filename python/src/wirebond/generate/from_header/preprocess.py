@@ -221,7 +221,7 @@ class _Directives:
                     stop(
                         self._path,
                         number,
-                        f"the macro `{word}` takes arguments, which is not worked out here; {_ADVICE}",
+                        f"the macro `{word}` takes arguments, which the importer does not support; {_ADVICE}",
                     )
                 if body is not None and body != word:
                     out.append(body)
@@ -277,7 +277,7 @@ def _without_attributes(text: str, pack_by_line: dict[int, int | None], path: Pa
                 stop(
                     path,
                     line,
-                    "an alignment of its own (`aligned`) is not worked out here; write the padding as fields",
+                    "the importer does not support `aligned`; write the padding as fields",
                 )
             out.append(re.sub("[^\n]", " ", attribute))
             line += attribute.count("\n")

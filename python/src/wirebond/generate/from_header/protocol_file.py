@@ -21,7 +21,7 @@ _MAX_ENUM_NAMES = 1000  # of one enum: a protocol file has at most 20 000 values
 _SMALL_TEXT = 50_000  # characters: no file of this size has too many values
 
 _HEAD = """\
-# Imported from {header}. What a header cannot tell, and what you should look at:
+# Imported from {header}. A header does not say the following, so check it:
 #   frame     how frames look on the wire; below is the recommended format for new links
 #   id        {ids}
 #   sender    {senders}
@@ -160,7 +160,9 @@ class _Writer:
         lines = []
         leaves = fields_of(struct)
         if any(leaf.kind == "padding" for leaf in leaves):
-            lines.append(f"{indent}# The struct is not packed: `padding` stands where a 32-bit ARM's compiler puts it.")
+            lines.append(
+                f"{indent}# The struct is not packed: `padding` marks the bytes that a 32-bit ARM compiler inserts."
+            )
         taken = names.Names()
         for leaf in leaves:
             name = taken.take(leaf.name or "padding")
@@ -209,7 +211,9 @@ class _Writer:
                 lines.append(f"  #   {_comment(enum.name) or 'enum'}: {{{_enum_text(enum)}}}")
         if lines:
             lines.insert(
-                0, "  # Enums that no field's type names. Write them behind the fields that hold them, as `enum:`:"
+                0,
+                "  # Enums that are not the type of any field. Add them to the fields that contain their values, as "
+                "`enum:`:",
             )
         return lines
 

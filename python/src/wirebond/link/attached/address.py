@@ -49,7 +49,7 @@ def server_address(text: str) -> ServerAddress:
     if not parts.netloc and len(parts.path) > 1:
         return ServerAddress(plain, path=_checked(parts.path), token=token)
     if parts.path not in ("", "/"):
-        raise UsageError(f"{text!r} has a path behind the server's name; {_WANTED}")
+        raise UsageError(f"{text!r} has a path after the server's name; {_WANTED}")
     if port:
         return ServerAddress(plain, host=host, port=port, token=token)
     if not _NAME.fullmatch(parts.netloc):

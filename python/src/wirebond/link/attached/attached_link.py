@@ -622,7 +622,9 @@ class AttachedLink:
             for kind, body in messages:
                 self._take(kind, body)
         except _NOT_OF_A_SERVER:
-            self._disconnect(f"{self._address.text} sent what no Wirebond server sends; look at what runs there")
+            self._disconnect(
+                f"{self._address.text} sent bytes that no Wirebond server sends; check which program runs there"
+            )
 
     def _take(self, kind: int, body: bytes) -> None:
         if kind == words.FRAMES:

@@ -134,7 +134,7 @@ def _no_server(address: ServerAddress, error: Exception) -> PortError:
     elif isinstance(error, socket.gaierror):
         what = f"the name of {text} cannot be found ({error.strerror}); check its spelling"
     elif isinstance(error, PermissionError):
-        what = f"no permission to attach to {text}; only the user who started the server may"
+        what = f"no permission to attach to {text}; only the user that started the server can"
     elif isinstance(error, TimeoutError):
         what = f"{text} does not answer within {PATIENCE:g} s; check that a Wirebond server runs there"
     elif isinstance(error, OSError):

@@ -29,8 +29,8 @@ from wirebond.link.devices.serial_port import SerialPort, UsbInterface
 _PREFIX = "usb:"
 _LINK_FOLDERS = ("/dev/serial/by-id/", "/dev/serial/by-path/")
 _GRAMMAR = (
-    "expected usb:VENDOR:PRODUCT, usb:VENDOR:PRODUCT:SERIAL or usb:SERIAL, such as usb:1a86:55d3; "
-    "@2 behind it selects interface 2 of a device with several ports"
+    "expected usb:VENDOR:PRODUCT, usb:VENDOR:PRODUCT:SERIAL or usb:SERIAL, such as usb:1a86:55d3; append @2 to "
+    "select interface 2 of a device with several ports"
 )
 _ID = re.compile(r"[0-9a-fA-F]{4}")
 _MOST_LISTED = 8  # ports that a sentence names
@@ -114,7 +114,9 @@ def _parse(name: str) -> _Wanted:
         if not _ID.fullmatch(word):
             raise UsageError(f"'{name}': the {what} '{word}' is not four hex digits; {_GRAMMAR}")
     if words[2:] == [""]:
-        raise UsageError(f"'{name}' ends where the serial number should stand; leave the last colon out, or give it")
+        raise UsageError(
+            f"'{name}' ends where a serial number is expected; leave out the last colon, or give the number"
+        )
     serial = words[2] if len(words) == 3 else None
     return _Wanted(name, (words[0].lower(), words[1].lower()), serial, interface, port_number)
 
@@ -148,7 +150,7 @@ def which_there_are(ports: list[SerialPort]) -> str:
     """The end of a sentence about a port that is not there: the ports that are, or what to do if there is none."""
     usable = [port for port in ports if port.has_device]
     if not usable:
-        return "there is no serial port at all. Plug it in; `wirebond doctor` looks for what is in the way"
+        return "there is no serial port at all. Plug it in; `wirebond doctor` finds the obstacle"
     return f"there {'is' if len(usable) == 1 else 'are'} {_listed(usable, ports)}"
 
 

@@ -86,7 +86,8 @@ def no_permission(path: str, root: Path = Path("/"), user: User | None = None) -
         return said + f"you are in its group {found.group}, but were not when this session began: log in again"
     if found.refusal is Refusal.GROUP_MAY_NOT:
         return said + (
-            f"{found.mode} {found.owner} {found.group} lets no group in; `wirebond doctor {path}` says what to do"
+            f"{found.mode} {found.owner} {found.group} has no group with access; `wirebond doctor {path}` shows the "
+            "remedy"
         )
     return said + "its owner, group and mode allow it, so something else forbids it, such as the rules of a container"
 

@@ -47,7 +47,9 @@ class ChecksAmongParts:
         if check.over is not None:
             ranges = self._lower_ranges(index, check.over, where.value_place("over"))
         elif index == 0:
-            self._wrong(node.place, "nothing precedes this check; move it behind what it covers, or say `over:`")
+            self._wrong(
+                node.place, "nothing precedes this check; move it after the parts that it covers, or write `over:`"
+            )
         return replace(
             part,
             size=2 * size if as_hex else size,
@@ -79,7 +81,7 @@ class ChecksAmongParts:
         if check.over is not None:
             ranges = self._lower_ranges(index, check.over, where.value_place("over"))
         elif index == 1:
-            self._wrong(node.place, "nothing precedes this check; say `over:` what it covers")
+            self._wrong(node.place, "nothing precedes this check; write the parts that it covers under `over:`")
         return replace(part, seeded=check.seed is not None, ranges=ranges, shift=run.value)
 
     def _lower_ranges(self, check: int, over: tuple[tuple[str, str], ...], place: Place) -> tuple[tuple[int, int], ...]:
@@ -95,7 +97,7 @@ class ChecksAmongParts:
                 last += 1  # the check in the bits of the last part
             if first > last:
                 swapped = f"`{last_name}..{first_name}`"
-                self._wrong(place, f"the range's first part stands behind its last; write {swapped}")
+                self._wrong(place, f"the range's first part comes after its last; write {swapped}")
             elif first <= check <= last and not (is_in_bits and first < check):
                 before, behind = f"{first_name}..{names[check - 1]}", f"{names[min(check + 1, last)]}..{last_name}"
                 left = [text for text, is_there in ((before, first < check), (behind, check < last)) if is_there]
@@ -138,8 +140,8 @@ def with_decimal_check(parts: list[Part], nodes: list[Mapping], envelope: Envelo
     elif before.kind != PartKind.CONSTANT or before.condition is not None or before.value[-1] in digits:
         wrong(
             place,
-            "the digits of the check begin behind a constant that is no digit itself; put one before it, such as "
-            "`- constant: 0x2A` for *",
+            "the digits of the check must follow a constant that is not a digit; put one before it, such as `- "
+            "constant: 0x2A` for *",
         )
     elif parts[index].size > MOST_DECIMAL_BYTES:
         wrong(place, f"a check in decimal digits has at most {8 * MOST_DECIMAL_BYTES} bits; take another one")

@@ -107,7 +107,9 @@ class _Reader:
                     self._wrong(self._node.key_place(key), f"only {what} has `{key}`; remove it")
         for one, other in (("sums_to", "negate"), ("sums_to", "plus"), ("carry", "modulo")):
             if self._given(one) is not None and self._given(other) is not None:
-                self._wrong(self._node.key_place(other), f"`{other}` cannot stand beside `{one}`; remove one of them")
+                self._wrong(
+                    self._node.key_place(other), f"`{other}` cannot be combined with `{one}`; remove one of them"
+                )
         unit = self._given("unit") or base.unit
         if unit == 1:
             for key in ("unit_order", "odd"):

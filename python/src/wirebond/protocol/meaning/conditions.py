@@ -117,7 +117,7 @@ class _Reader:
 
     def _stands_before(self, index: int, name: str) -> None:
         if index > min(self._index, self._payload) or index == self._index:
-            raise Fault(f"`{name}` must stand in the header, before what it decides about; move it forward")
+            raise Fault(f"`{name}` must be in the header, before the parts that depend on it; move it forward")
 
     def _ranges(
         self, text: ComparisonText, width: int, names: dict[str, int], what: str
@@ -152,7 +152,7 @@ def ranges_of(
         stop = most if str(high) == str(_MOST) else _number(high, names, what)
         for value, word in ((start, low), (stop, high)):
             if value > most:
-                raise Fault(f"{what} has {width} bits, and {word} does not fit them; its greatest is {most}")
+                raise Fault(f"{what} has {width} bits, and {word} does not fit; the maximum is {most}")
             if text.mask is not None and low is high and value & ~text.mask:
                 raise Fault(f"{word} has bits that 0x{text.mask:02X} does not select; this never holds")
         if start > stop:
@@ -167,7 +167,7 @@ def _number(value: ValueText, names: dict[str, int], what: str) -> int:
             return names[str(value)]
         if names:
             raise Fault(f"{what} has no value `{value}`; {suggestion(str(value), names)}")
-        raise Fault(f"{what} has no named values; write a number where `{value}` stands")
+        raise Fault(f"{what} has no named values; write a number instead of `{value}`")
     if len(value.words) > 1:
         raise Fault(f"{what} is a number; write it as one, and not byte by byte: `{value}`")
     return value.number

@@ -65,20 +65,21 @@ class Counting:
         if syntax.elements is None and syntax.bytes is None:
             self.problems.add(
                 place,
-                "nothing says how many elements there are; write `bytes: size` (a field that tells how many bytes they "
-                "take), or `elements: number`",
+                "the number of elements is not given; write `bytes: size` (a field that gives their size in bytes), "
+                "or `elements: number`",
             )
             return None
         if syntax.elements == syntax.bytes:
             self.problems.add(
-                at("bytes"), f"`{syntax.bytes}` cannot tell elements and bytes at once; name another field, or keep one"
+                at("bytes"),
+                f"`{syntax.bytes}` cannot count both elements and bytes; name another field, or keep one of the two",
             )
             return None
         if syntax.bytes is not None and self.step == 0:
             self.problems.add(
                 at("bytes"),
-                "each of these elements has its own size, so bytes do not tell how many there are; write `count: "
-                "number`, with a field that tells their number",
+                "each of these elements has its own size, so their number does not follow from bytes; write `count: "
+                "number`, with a field that gives their number",
             )
             return None
         names = ((syntax.elements, "elements"), (syntax.bytes, "bytes"))
@@ -117,8 +118,8 @@ class Counting:
             if name in told and (in_bytes or (other.is_list and name != other.counted_by) or other.counted_in_bytes):
                 self.problems.add(
                     place,
-                    f"`{name}` counts `{other.name}` already, and what tells bytes counts nothing else; give one of "
-                    "them a field of its own",
+                    f"`{name}` counts `{other.name}` already, and a field that counts bytes cannot count anything "
+                    "else; give one of them a field of its own",
                 )
                 return False
         assert self.most is not None

@@ -178,7 +178,7 @@ def validate_sizes(
     if longest is not None and max_payload > longest:
         problems.add(
             max_place,
-            f"the frame's length can tell {longest} payload bytes at most; write no more, or widen it",
+            f"the frame's length can express {longest} payload bytes at most; use fewer, or widen it",
         )
     return max_payload
 
@@ -199,8 +199,8 @@ def _validate_rules(draft: Draft, message: Message, fields: object, problems: Pr
     if not rules.faults and rules.needed_counts > MAX_COUNTS and not tell_size:
         problems.add(
             fields.place,
-            f"a constant stands behind {rules.needed_counts} fields that vary in number; at most {MAX_COUNTS}: move it "
-            "before some of them",
+            f"a constant follows {rules.needed_counts} fields of varying size; at most {MAX_COUNTS} are possible: "
+            "move it before some of them",
         )
 
 
@@ -218,7 +218,7 @@ def _size_untold(draft: Draft, message: Message) -> str:
         return ""
     over = (message.max_payload - form.length_bias) % form.length_unit
     return (
-        f"the frame's length counts by {form.length_unit} and cannot tell them; add "
+        f"the frame's length counts by {form.length_unit} and cannot express this size; add "
         f"`{{type: padding, size: {form.length_unit - over}}}`"
     )
 
@@ -240,12 +240,12 @@ def _varying(field: Field, payload: Part) -> str:
         )
     if field.reaches_end:
         return (
-            f"`{field.name}` reaches to the payload's end, and this frame does not tell where that is; write `size` "
-            "for `max`, or take a frame with a length"
+            f"`{field.name}` reaches to the payload's end, but this frame does not show where that is; write `size` "
+            "instead of `max`, or use a frame with a length"
         )
     return (
-        f"`{field.name}` varies in size, and no count of the message tells how far; with `payload: by_id` let a field "
-        "count it (`count: number`), or take a frame with a length"
+        f"`{field.name}` varies in size, and no count of the message gives its size; with `payload: by_id` let a "
+        "field count it (`count: number`), or use a frame with a length"
     )
 
 
@@ -263,7 +263,7 @@ def _limit(draft: Draft, sender: End, max_payload: int | None) -> tuple[str, int
         )
     longest = draft.longest_by_length(sender)
     if longest is not None:
-        bounds.append((longest, lambda n: f"the frame's length can tell {n} at most; widen its type"))
+        bounds.append((longest, lambda n: f"the frame's length can express {n} at most; widen its type"))
     if max_payload is not None:
         bounds.append((max_payload, lambda n: f"`max_payload` is {n}; raise that, or shorten the message"))
     limit, words = min(bounds, key=lambda bound: bound[0])
@@ -302,8 +302,8 @@ def validate_first_bytes(draft: Draft, messages: Messages, problems: Problems) -
         if begin in taken:
             problems.add(
                 entry.place,
-                f"the frame of `{entry.name}` would begin with 0x{begin:02X} behind the delimiter 0x{taken[0]:02X}, "
-                "which looks like a doubled byte or the end of a frame; take another id",
+                f"the frame of `{entry.name}` would begin with 0x{begin:02X} after the delimiter 0x{taken[0]:02X}, "
+                "which looks like a doubled byte or the end of a frame; choose another id",
             )
 
 

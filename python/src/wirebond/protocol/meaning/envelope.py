@@ -41,7 +41,7 @@ def read_envelope(outer: Outer, wrong: Wrong) -> Envelope:
     if places not in ([0, len(outer) - 1], [len(outer) - 1]) or len(outer) < 2:
         wrong(
             marks[0][2].place,
-            "delimiters are the frame's first and its last part, or its last alone, and stand nowhere else; "
+            "delimiters are the first and the last part of a frame, or only the last, and nowhere else; "
             + _advice(stuffed),
         )
         return Envelope()
@@ -58,7 +58,7 @@ def _sized(outer: Outer, stuffed: Outer, wrong: Wrong) -> Envelope:
     """No delimiter: the frame begins with its magic, and its length tells where it ends."""
     syntax, node = stuffed[0]
     if not isinstance(syntax, EscapedPart | InsertedPart):
-        wrong(node.place, f"stuffing needs a delimiter before and behind it; {_advice(stuffed)}")
+        wrong(node.place, f"stuffing needs a delimiter before and after it; {_advice(stuffed)}")
         return Envelope()
     if len(stuffed) > 1:
         wrong(stuffed[1][1].place, "a frame has one group of stuffed parts; put all parts into the first")
@@ -85,8 +85,8 @@ def _sized(outer: Outer, stuffed: Outer, wrong: Wrong) -> Envelope:
     if len(values[0]) != 1:
         wrong(
             first_node.place,
-            "`escaped` frees a frame of its one first byte; write a magic of one byte, and what follows it as a "
-            "`constant`",
+            "`escaped` keeps the first byte of a frame out of its content; write a magic of one byte, and the bytes "
+            "after it as a `constant`",
         )
     escapes = own_rule(syntax, [value[0] for value in values], node.place, wrong)
     return Envelope(stuffing=Stuffing.ESCAPE, escapes=escapes)
@@ -96,7 +96,7 @@ def _validate_plain_parts(outer: Outer, wrong: Wrong) -> None:
     """Parts beside the stuffed ones have the same place in every frame."""
     for syntax, node in outer:
         if isinstance(syntax, PayloadPart):
-            wrong(node.place, "the payload stands within the stuffed parts; move it there")
+            wrong(node.place, "the payload must be among the stuffed parts; move it there")
         elif isinstance(syntax, PartSyntax) and syntax.when is not None and isinstance(node, Mapping):
             wrong(node.value_place("when"), "beside stuffed parts a part is always there; remove `when`")
 
@@ -127,14 +127,16 @@ class _Delimited:
             if len(mark.delimiter) == 2 and len(set(mark.delimiter)) == 1 and isinstance(node, Mapping):
                 self._wrong(
                     node.value_place("delimiter"),
-                    "in a row of equal bytes a receiver cannot tell which two are the delimiter; write one byte, or "
+                    "in a row of equal bytes a receiver cannot know which two are the delimiter; write one byte, or "
                     "two that differ",
                 )
         opening, closing = self.opening, self.closing
         if opening is None or opening == closing or self._opens_alone:
             return
         if opening.startswith(closing) or closing.startswith(opening):
-            self._wrong(self._place, "one of these delimiters begins with the other; take two that can be told apart")
+            self._wrong(
+                self._place, "one of these delimiters begins with the other; choose two that a receiver can distinguish"
+            )
 
     def stuffing(self, syntax: Syntax) -> tuple[Stuffing, Escapes | None]:
         if isinstance(syntax, DoubledPart):
@@ -145,7 +147,7 @@ class _Delimited:
         if isinstance(syntax, InsertedPart):
             self._wrong(
                 self._place,
-                "`inserted` stands in frames that begin with a magic and end by their length; remove the delimiters",
+                "`inserted` is for frames that begin with a magic and end by their length; remove the delimiters",
             )
             return Stuffing.NONE, None
         self._validate_sizes(syntax)
@@ -191,8 +193,8 @@ class _Delimited:
         if not starts_alike:
             self._wrong(
                 self._place,
-                "`doubled` stands between two delimiters that begin alike and end differently; write "
-                "`- delimiter: 0x10 0x02` (or 0x10 alone), `- doubled: [...]`, `- delimiter: 0x10 0x03`",
+                "`doubled` needs two delimiters that begin alike and end differently; write `- delimiter: 0x10 0x02` "
+                "(or 0x10 alone), `- doubled: [...]`, `- delimiter: 0x10 0x03`",
             )
         elif opening[0] in (*opening[1:], self.closing[1]):
             self._wrong(self._place, "a delimiter whose bytes are equal looks like a doubled byte; take another")

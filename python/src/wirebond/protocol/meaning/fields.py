@@ -160,7 +160,9 @@ class ValueReader:
                 self._wrong(self._node.key_place(option), f"`{option}` is for {whose}")
         for one, other in (("enum", "flags"), ("enum", "range"), ("flags", "range")):
             if getattr(syntax, one) is not None and getattr(syntax, other) is not None:
-                self._wrong(self._node.key_place(other), f"`{other}` cannot stand beside `{one}`; keep one of the two")
+                self._wrong(
+                    self._node.key_place(other), f"`{other}` cannot be combined with `{one}`; keep one of the two"
+                )
         for named in ("enum", "flags"):
             for option in ("scale", "offset", "unit"):
                 if getattr(syntax, named) is not None and getattr(syntax, option) is not None:
@@ -170,7 +172,7 @@ class ValueReader:
             if getattr(syntax, option, None) is not None:
                 self._wrong(
                     self._node.key_place(option),
-                    f"`{option}` cannot stand beside `constant`, which is one value; remove it",
+                    f"`{option}` cannot be combined with `constant`, which is one value; remove it",
                 )
         if getattr(syntax, "on_range", None) is not None and syntax.range is None:
             self._wrong(
@@ -288,7 +290,7 @@ def _scale_faults(field: Field) -> Iterator[tuple[str, str]]:
     """Yield faults of scale and offset: values beyond those that a float of the type can hold."""
     greatest = max(abs(bound) for bound in value_limits(field))
     if not field.is_float and greatest > F64.greatest:
-        yield "scale", "with this scale the greatest value is beyond a double; scale less"
+        yield "scale", "with this scale the maximum is beyond a double; use a smaller scale"
         return
     if field.is_float and field.float_format.cpp == "float":
         for option, number in (("scale", field.scale), ("offset", field.offset)):

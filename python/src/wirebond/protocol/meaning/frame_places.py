@@ -82,11 +82,11 @@ def _validate_payload_rule(
     if rule == PayloadRule.BY_LENGTH and length is None:
         wrong(at, "`payload: by_length` needs a length; add a part such as `- length: u8` before it")
     if rule != PayloadRule.BY_LENGTH and length is not None:
-        wrong(nodes[length].place, "this length tells nothing; write `payload: by_length`, or remove it")
+        wrong(nodes[length].place, "this length is not used; write `payload: by_length`, or remove it")
     if rule == PayloadRule.BY_LENGTH and length is not None and length > payload_index:
-        wrong(nodes[length].place, "the length must stand before the payload whose size it tells; move it")
+        wrong(nodes[length].place, "the length must precede the payload, because it gives its size; move it")
     if rule == PayloadRule.BY_ID and message_id is not None and message_id > payload_index:
-        wrong(nodes[message_id].place, "the id must stand before the payload whose size it tells; move it")
+        wrong(nodes[message_id].place, "the id must precede the payload, because it determines its size; move it")
     if rule == PayloadRule.REST and envelope.delimiter is None and envelope.silence is None:
         wrong(at, "`payload: rest` needs delimiters or a silence, which say where the frame ends; or write by_length")
 
@@ -104,7 +104,7 @@ def validate_forms(parts: list[Part], place: Place, wrong: Wrong) -> None:
             if len(held) > 1:
                 wrong(
                     place,
-                    f"two parts with a {kind.value} can stand in one frame; let their `when:` exclude each other",
+                    f"one frame can contain two parts with a {kind.value}; make their `when:` exclude each other",
                 )
     for end in (End.HOST, End.MCU):
         if not parts_of_forms(whole, end):
@@ -138,7 +138,7 @@ def validate_told_apart(parts: tuple[Part, ...], place: Place, wrong: Wrong) -> 
             one, other = (choices_text(tuple(held.choice for held in form.choices)) for form in pair)
             wrong(
                 place,
-                f"a receiver cannot tell a frame with `{one}` from one with `{other}`; let them differ in a byte "
-                "before the payload, by a magic or a constant of their own",
+                f"a receiver cannot distinguish a frame with `{one}` from one with `{other}`; make them differ in a "
+                "byte before the payload, by a magic or a constant of their own",
             )
             return

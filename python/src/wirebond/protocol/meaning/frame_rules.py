@@ -18,7 +18,7 @@ def validate_whole(draft: Draft, place: Place, wrong: Wrong) -> None:
     if draft.envelope == Envelope() and not any(_tells(part) for part in parts):
         wrong(
             place,
-            "nothing tells this frame from other bytes; add `- magic: 0xAA` in front or a check behind",
+            "nothing distinguishes this frame from other bytes; add `- magic: 0xAA` at the front or a check at the end",
         )
     forms = planning.forms(parts, None)
     constants = max(len(form.constants) for form in forms)
@@ -46,7 +46,7 @@ def validate_whole(draft: Draft, place: Place, wrong: Wrong) -> None:
             "remove one of the two",
         )
     if longest < 0:
-        wrong(at, "the length counts more than it can tell, even for an empty payload; take a wider type")
+        wrong(at, "the length cannot express its count even for an empty payload; choose a wider type")
     elif shortest > 0:
         wrong(
             at,
@@ -76,7 +76,7 @@ def _validate_sized(draft: Draft, wrong: Wrong) -> None:
     first = [part.is_plain for part in draft.parts].index(False)
     for index, (part, place) in enumerate(zip(draft.parts, draft.places, strict=True)):
         if part.on_wire and index < draft.payload_index and part.last_covered >= first:
-            wrong(place, "a check over the stuffed bytes stands behind them here; move it behind the payload")
+            wrong(place, "a check over the stuffed bytes must follow them; move it after the payload")
     length = draft.length_part
     if length is None or not length.is_plain:
         return
@@ -91,8 +91,8 @@ def _validate_sized(draft: Draft, wrong: Wrong) -> None:
         ):
             wrong(
                 place,
-                "this check is taken before stuffing and covers the length, which counts the stuffed bytes, or a "
-                "check over it; begin its range behind them, or move the check beside the stuffed parts",
+                "this check is calculated before stuffing and covers the length, which counts the stuffed bytes, or "
+                "a check over it; begin its range after them, or move the check out of the stuffed parts",
             )
 
 
@@ -137,8 +137,8 @@ def _validate_seeds(draft: Draft, wrong: Wrong) -> None:
         if part.seeded and index < payload_index and part.last_covered < payload_index:
             wrong(
                 draft.places[index],
-                "this check counts the message's seed, and the id that tells the message stands behind the "
-                "payload; move the id before it, or this check behind it",
+                "this check includes the message's seed, but the id that identifies the message is after the "
+                "payload; move the id before it, or this check after the id",
             )
 
 

@@ -53,8 +53,8 @@ def read_matches(draft: Draft, messages: Messages, problems: Problems) -> tuple[
         for entry, _ in matched:
             problems.add(
                 entry.place,
-                f"a check with `seed: message` counts a seed that the id alone tells; give `{entry.name}` one id "
-                "and no `match`, or remove `seed: message`",
+                f"with `seed: message` the id alone must determine the seed; give `{entry.name}` one id and no "
+                "`match`, or remove `seed: message`",
             )
     _validate_moment(draft, matched, problems)
     _validate_overlaps(read, problems)
@@ -81,7 +81,7 @@ class _Reader:
             if name == "size":
                 self._add(places.value_place(name), lambda text=text: self._of_size(text))  # type: ignore[misc]
             elif name == ID:
-                self.problems.add(place, "the id stands beside `match`; write `id: 0x80..0xFF` in the message")
+                self.problems.add(place, "the id is not part of `match`; write `id: 0x80..0xFF` in the message")
             elif name in header and name in numbers:
                 self.problems.add(
                     place, f"`{name}` is a field of the header, and a number of this message, too; rename one of them"
@@ -130,9 +130,9 @@ class _Reader:
                 raise Fault("a magic has no bits to select; write its bytes")
             return _match(MatchOf.HEADER, magic_ranges(text, listed), field.value.width, None, field.name)
         if field.is_sequence:
-            raise Fault(f"`{field.name}` counts frames, so that it tells no message; match another field")
+            raise Fault(f"`{field.name}` counts frames, so it cannot identify a message; match another field")
         if field.address is not None:
-            raise Fault(f"`{field.name}` is an address, so that it tells no message; match another field")
+            raise Fault(f"`{field.name}` is an address, so it cannot identify a message; match another field")
         kind = "scaled" if field.value.is_scaled else "signed" if field.value.coding.is_signed else ""
         if kind and text.mask is None:
             raise Fault(f"`{field.name}` is {kind}; match its bits, such as `{{mask: 0x80, value: 0x80}}`")
@@ -165,8 +165,8 @@ class _Reader:
             raise Fault(
                 "every payload has the same size in this frame; match something else"
                 if payload.payload == PayloadRule.FIXED
-                else "with `payload: by_id` the message tells the size, and not the size the message; take a frame "
-                "with a length"
+                else "with `payload: by_id` the message determines the size, so the size cannot identify the message; "
+                "use a frame with a length"
             )
         if payload.trims_zeros:
             raise Fault("with `trim_zeros` a payload has any size; match something else")
@@ -220,8 +220,8 @@ def _with_ids(draft: Draft, matched: list[tuple[Entry, Message]], problems: Prob
             if message.ids is not None:
                 problems.add(
                     entry.node.value_place("id"),
-                    f"`{entry.name}` has several ids, which a received frame tells as the header field `id`, and the "
-                    "frame has a field of that name; rename that field",
+                    f"`{entry.name}` has several ids, so received frames have a header field `id`, but the frame "
+                    "already has a field of that name; rename that field",
                 )
         return draft
     if draft.forbidden_first and draft.parts[0].kind == PartKind.ID:
@@ -229,8 +229,8 @@ def _with_ids(draft: Draft, matched: list[tuple[Entry, Message]], problems: Prob
             if message.ids is not None and any(_begins(draft, message.ids, byte) for byte in draft.forbidden_first):
                 problems.add(
                     entry.node.value_place("id"),
-                    f"a frame of `{entry.name}` could begin with a byte of the delimiter behind it; leave out ids that "
-                    "begin so",
+                    f"a frame of `{entry.name}` could begin with a byte of the delimiter after it; leave out ids "
+                    "that begin with that byte",
                 )
     wholes = [part for part in draft.parts if part.kind == PartKind.ID]
     if wholes:  # of several in parts that exclude each other the widest
@@ -259,8 +259,8 @@ def _validate_moment(draft: Draft, matched: list[tuple[Entry, Message]], problem
         if matches_late((message,), draft.parts):
             problems.add(
                 entry.place,
-                f"with `payload: by_id` the size of `{entry.name}` must be known before its payload, and its `match` "
-                "is not; match what stands before the payload, or take a frame with a length",
+                f"with `payload: by_id` the size of `{entry.name}` must be known before its payload, but its `match` "
+                "is not; match a field before the payload, or use a frame with a length",
             )
 
 
@@ -279,7 +279,7 @@ def _validate_overlaps(read: list[tuple[Entry, Message]], problems: Problems) ->
         problems.add(
             second.place,
             f"the {spoken(ends[0])} sends `{first.name}` (line {first.place.line}) and `{second.name}`, and a frame "
-            f"with {example} is both; let `id` or `match` tell them apart, or name one as the `reply` of its request",
+            f"with {example} fits both; distinguish them by `id` or `match`, or make one the `reply` of its request",
         )
 
 

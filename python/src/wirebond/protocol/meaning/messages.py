@@ -141,7 +141,7 @@ def _validate_asked(entry: Entry, message: Message, messages: Messages, problems
             return
         place = fields.key_place(one.name)
         if any(inner.asked_by for inner in _within(one)):
-            problems.add(place, "`asked_by` is for a list that stands in the message itself; remove it here")
+            problems.add(place, "`asked_by` is for a list in the message itself; remove it here")
         if not one.asked_by:
             continue
         requests = [e.message for e in messages.values() if e.message is not None and e.message.reply == message.name]
@@ -170,7 +170,7 @@ def _validate_stamps(entry: Entry, message: Message, problems: Problems) -> None
     for one in message.fields:
         place = fields.key_place(one.name)
         if any(inner.clock for inner in _within(one)):
-            problems.add(place, "`clock` is for a field that stands in the message itself; remove it here")
+            problems.add(place, "`clock` is for a field of the message itself; remove it here")
         if one.clock is None:
             continue
         if message.sender != End.MCU:
@@ -207,7 +207,7 @@ def validate_ids(messages: Messages, id_bits: int, with_id: set[End], without_id
         if message.has_id and message.id > limit:
             problems.add(
                 entry.node.value_place("id"),
-                f"id {message.id} does not fit the frame's id part, whose greatest is {limit}; take a smaller one",
+                f"id {message.id} does not fit the frame's id part, whose maximum is {limit}; choose a smaller one",
             )
         for end in (End.HOST, End.MCU):
             if not message.sent_by(end) or entry.match or entry.ids is not None:  # their matches are compared

@@ -95,7 +95,7 @@ class _PlainReader(ValueReader):
         node, wire_type = self._node, self._type
         for option in _NOT_IN_CHARACTERS:
             if getattr(syntax, option) is not None:
-                self._wrong(node.key_place(option), f"`{option}` cannot stand beside `text`; remove one of the two")
+                self._wrong(node.key_place(option), f"`{option}` cannot be combined with `text`; remove one of the two")
         if (
             wire_type.order is not None
             or wire_type.coding == SIGN_MAGNITUDE
@@ -127,7 +127,9 @@ class _PlainReader(ValueReader):
         if syntax.size is not None:
             for option in ("max", "ends_with"):
                 if getattr(syntax, option) is not None:
-                    self._wrong(node.key_place(option), f"`{option}` cannot stand beside `size`; keep one of the two")
+                    self._wrong(
+                        node.key_place(option), f"`{option}` cannot be combined with `size`; keep one of the two"
+                    )
         if syntax.ends_with is not None and syntax.ends_with[0] in _NUMBER_CHARACTERS[digits.base]:
             self._wrong(
                 node.value_place("ends_with"),
@@ -154,7 +156,7 @@ class _PlainReader(ValueReader):
         if syntax.max is None:
             return
         if isinstance(syntax.size, int):
-            self._wrong(node.key_place("max"), "`max` cannot stand beside `size`; keep one of the two")
+            self._wrong(node.key_place("max"), "`max` cannot be combined with `size`; keep one of the two")
         elif isinstance(syntax.count, int):
             self._wrong(node.key_place("max"), "`max` is for a number that varies; remove it, or the number")
         elif kind not in STRINGS and syntax.count is None:
@@ -166,7 +168,7 @@ class _PlainReader(ValueReader):
     def _validate_end(self, syntax: PlainSyntax, end: int) -> None:
         place = self._node.value_place("ends_with")
         if syntax.size is not None:
-            self._wrong(place, "what ends with a byte has no `size` beside it; write `max: 16` (bytes before it)")
+            self._wrong(place, "a field with `ends_with` has no `size`; write `max: 16` (bytes before that byte)")
         if self._type.kind == FieldKind.TEXT and end >= 0x80:
             self._wrong(place, "bytes from 0x80 on are parts of letters in UTF-8; write one below, or take `bytes`")
 

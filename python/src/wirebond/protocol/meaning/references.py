@@ -134,8 +134,8 @@ def _validate_deadline(deadline: Deadline, node: Mapping, messages: Messages, pr
     if deadline.start == Start.HELD and (deadline.at != End.MCU or deadline.recover != Recover.EXPLICIT):
         problems.add(
             node.value_place("start"),
-            "only a deadline with `at: mcu` and `recover: explicit` can hold its message back from the start on, for "
-            "`recover` is what ends it; write both, or remove `start`",
+            "only a deadline with `at: mcu` and `recover: explicit` can hold back its message from the start, "
+            "because only `recover` ends it; write both, or remove `start`",
         )
     if deadline.recover_by is not None:
         _validate_recover_by(deadline, deadline.recover_by.message, node, problems)

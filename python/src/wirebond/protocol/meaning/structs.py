@@ -205,8 +205,8 @@ def _validate_ends(node: Mapping, found: dict[str, Field], problems: Problems) -
         if one.digits is not None:
             problems.add(
                 entry.key_place,
-                f"`{name}` reaches to the payload's end, so it must be the last; move it, or say how many characters "
-                "it has (`size: 6`), or what stands behind it (`ends_with: 0x2C`)",
+                f"`{name}` reaches to the payload's end, so it must be the last; move it, or give its number of "
+                "characters (`size: 6`) or the byte after it (`ends_with: 0x2C`)",
             )
         elif one.is_string:
             problems.add(

@@ -54,7 +54,7 @@ class Check(Syntax):
     )
     seed: Annotated[str | None, one_word("message")] = Field(
         None,
-        description="Each message's `seed` is counted behind the range, and not sent.",
+        description="Each message's `seed` is included after the range, and is not sent.",
         examples=["message"],
     )
     width: CheckWidth | None = Field(None, description="Bits of one's own check.", examples=[16])
@@ -70,18 +70,19 @@ class Check(Syntax):
     )
     odd: Annotated[str | None, one_word("pad", "xor", "refuse")] = Field(
         None,
-        description="Bytes behind the last whole word: pad it with zeros (the default), combine each by "
+        description="Bytes after the last whole word: pad them with zeros (the default), combine each by "
         "exclusive-or, or refuse the frame.",
         examples=["xor"],
     )
     carry: Annotated[str | None, one_word("drop", "end_around")] = Field(
         None,
-        description="What a sum does with a carry out of its highest bit: drop it (the default), or add it at the "
-        "lowest.",
+        description="A carry out of the highest bit of a sum: drop it (the default), or add it at the lowest bit.",
         examples=["end_around"],
     )
     modulo: Modulus | None = Field(
-        None, description="A sum, or both of Fletcher's, modulo this. Default: what its width holds.", examples=[255]
+        None,
+        description="A sum, or both of Fletcher's sums, modulo this. Default: 2 to the power of its width.",
+        examples=[255],
     )
     negate: Bool | None = Field(None, description="The two's complement is sent. Default: false.", examples=["true"])
     plus: Register | None = Field(None, description="Added to the value. Default: 0.", examples=[1])
@@ -97,6 +98,6 @@ class Check(Syntax):
     )
     avoid: Avoided | None = Field(
         None,
-        description="Values that are never sent, and what is added to one that is worked out all the same.",
+        description="Values that are never sent, and the number that is added if the calculation gives one of them.",
         examples=["{values: 0..0x1F, plus: 0x20}"],
     )

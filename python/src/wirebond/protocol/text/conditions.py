@@ -152,7 +152,7 @@ class _Parser:
         if not operator and self._peek() == "not":
             self._at += 1
             if not self._take("in"):
-                raise self._wrong("behind a name, `not` is followed by `in`")
+                raise self._wrong("after a name, `not` must be followed by `in`")
             operator = "not in"
         if operator in ("==", "!="):
             value = self._value()

@@ -17,7 +17,7 @@ class DelimiterPart(Syntax):
 
     noun = "a `delimiter` part"
     delimiter: DelimiterBytes = Field(
-        description="The byte, or the two, that stand before and after every frame; first and last part.",
+        description="The byte, or the two bytes, before and after every frame; first and last part.",
         examples=["0x00"],
     )
 
@@ -60,7 +60,7 @@ class DoubledPart(Syntax):
     noun = "a `doubled` part"
     doubled: InnerParts = Field(
         description="The parts between delimiters that begin alike (DLE STX, DLE ETX; or DLE alone, DLE ETX): this "
-        "first byte is sent twice where it stands among them.",
+        "first byte is sent twice wherever it occurs in them.",
         examples=["[id: u8, payload: rest, check: crc-16/ibm-sdlc]"],
     )
 
@@ -116,7 +116,7 @@ class Inserted(Syntax):
     after: Annotated[ConstantBytes, AfterValidator(_sequence)] = Field(
         description="Two to four bytes; the first differs from the last.", examples=["0xFF 0xFF 0xFD"]
     )
-    byte: OneByte = Field(description="What is sent behind them, wherever they stand.", examples=["0xFD"])
+    byte: OneByte = Field(description="The byte that is sent after them, wherever they occur.", examples=["0xFD"])
     parts: InnerParts = Field(description="The parts that are stuffed.", examples=["[id: u8, payload: by_length]"])
 
 
@@ -124,7 +124,7 @@ class InsertedPart(Syntax):
     """Parts in which a byte is inserted behind a sequence."""
 
     noun = "an `inserted` part"
-    inserted: Inserted = Field(description="The sequence, the byte behind it, and the parts that it covers.")
+    inserted: Inserted = Field(description="The sequence, the byte after it, and the parts that it covers.")
 
 
 class SilencePart(Syntax):

@@ -37,10 +37,10 @@ MAX_COUNT = 0xFFFF
 
 _NAME = names.PATTERN.removeprefix("^").removesuffix("$")
 
-_COUNTED = "the name of the field that tells it"
+_COUNTED = "the name of the field that gives it"
 _COUNTS = (
-    "`counts` is not a key of %s: the field that is counted names what counts it; write there `count: number` or "
-    "`count: {bytes: number}`, of a value among bits `count: state.number`"
+    "`counts` is not a key of %s: the counted field names its count; write there `count: number` or `count: "
+    "{bytes: number}`, or for a value among bits `count: state.number`"
 )
 
 
@@ -75,10 +75,10 @@ class CountSyntax(Syntax):
     noun = "`count`"
 
     elements: Counter | None = Field(
-        None, description="The field before it that tells the number of elements.", examples=["number"]
+        None, description="The earlier field that gives the number of elements.", examples=["number"]
     )
     bytes: Counter | None = Field(
-        None, description="The field before it that tells how many bytes all elements take.", examples=["size"]
+        None, description="The earlier field that gives the size of all elements in bytes.", examples=["size"]
     )
     asked_by: Name | None = Field(
         None,
@@ -104,7 +104,7 @@ class NumberSyntax(Syntax):
     offset: Exact | None = Field(None, description="value = number on the wire * scale + offset.", examples=[0])
     unit: Text | None = Field(None, description="SI unit of the value, for display.", examples=["m/s"])
     range: Annotated[list[Exact], Field(min_length=2, max_length=2)] | None = Field(
-        None, description="Least and greatest value, in the value's unit.", examples=["[-1.0, 1.0]"]
+        None, description="Minimum and maximum, in the value's unit.", examples=["[-1.0, 1.0]"]
     )
     enum: Annotated[dict[Name, WireInteger], Field(min_length=1)] | None = Field(
         None, description="Names of the possible numbers.", examples=["{off: 0, on: 1}"]
@@ -120,7 +120,7 @@ class ValueSyntax(NumberSyntax):
 
     on_range: Annotated[str | None, one_word("reject", "clamp")] = Field(
         None,
-        description="What the handler's side does with a received value out of range. Default: reject.",
+        description="Reaction of the receiver to a value out of range. Default: reject.",
         examples=["clamp"],
     )
     default: DefaultValue | None = Field(
@@ -150,14 +150,13 @@ class PlainSyntax(ValueSyntax):
     short = "a type, such as `u16`, or "
 
     type: FieldType = Field(
-        description="Type on the wire; `le` or `be` behind a number's type sets its byte order. u1 to u64, i2 to "
-        "i64, s2 to s64 (sign and amount) and bcd4 to bcd60 (decimal digits) where `packed` stands beside it, else in "
-        "steps of 8 bits.",
+        description="Type on the wire; add `le` or `be` to a number's type for its byte order. u1 to u64, i2 to i64, "
+        "s2 to s64 (sign and amount) and bcd4 to bcd60 (decimal digits) with `packed`, else in steps of 8 bits.",
         examples=["u16"],
     )
     count: ElementCount | None = Field(
         None,
-        description="Elements of an array: a number, the field before it that tells the number, what else tells it, or "
+        description="Elements of an array: a number, the earlier field that gives it, another way to know it, or "
         "to_end.",
         examples=[4],
     )
@@ -170,7 +169,7 @@ class PlainSyntax(ValueSyntax):
     size: Amount | None = Field(
         None,
         description="Bytes of a text, byte string or padding, or characters of a number: a number, or for strings the "
-        "field before it that tells the number.",
+        "earlier field that gives it.",
         examples=[16],
     )
     max: Count | None = Field(
@@ -181,7 +180,7 @@ class PlainSyntax(ValueSyntax):
     )
     ends_with: OneByte | None = Field(
         None,
-        description="Of a text, byte string or number in characters, of varying size: the byte behind it, which is "
+        description="For a text, byte string or number in characters of varying size: the byte that follows it and is "
         "never in it.",
         examples=["0x00"],
     )
@@ -218,7 +217,7 @@ ShortField = (
         str,
         Field(
             pattern=r"^[A-Za-z][A-Za-z0-9_]*( .*)?$",
-            description="A type alone, or with scale and unit behind it; or the name of one of the file's `types`.",
+            description="A type alone, or followed by scale and unit; or the name of one of the file's `types`.",
             examples=["u16", "u16 mV", "i16 0.001 m/s", "point"],
         ),
     ]
@@ -237,8 +236,8 @@ class BitFieldSyntax(ValueSyntax):
     )
     continues: Name | None = Field(
         None,
-        description="These are more bits of the value of this name, which stands before them: the lower ones where "
-        "`first` is high, otherwise the higher ones.",
+        description="These are more bits of the earlier value with this name: the lower ones if `first` is high, "
+        "otherwise the higher ones.",
         examples=["angle"],
     )
 
@@ -285,7 +284,7 @@ class GroupSyntax(Syntax):
     noun = "`group`"
 
     count: ElementCount = Field(
-        description="How many: a number, the field before it that tells the number, what else tells it, or to_end.",
+        description="How many: a number, the earlier field that gives it, another way to know it, or to_end.",
         examples=[4],
     )
     max: Count | None = Field(None, description="Most of them where their number varies.", examples=[16])
@@ -299,7 +298,9 @@ class GroupFieldSyntax(Syntax):
     """Fields that repeat."""
 
     noun = "a group"
-    group: GroupSyntax = Field(description="What repeats, and how often.", examples=["{count: 4, fields: {}}"])
+    group: GroupSyntax = Field(
+        description="The repeated fields, and how often they repeat.", examples=["{count: 4, fields: {}}"]
+    )
     description: Text = Field("", description="For people.", examples=["what they mean"])
 
 

@@ -24,7 +24,7 @@ _POSSIBLE = (
     "u8, i8 and s8 to u64, i64 and s64 in steps of 8 bits, bcd8 to bcd56 (two decimal digits in each byte), "
     f"{', '.join(one.name for one in FLOATS)}, bool, text, bytes, padding"
 )
-_ORDERS = "`le` or `be` behind a number's type sets its byte order"
+_ORDERS = "add `le` or `be` to a number's type for its byte order"
 
 
 def _widths(coding: Coding) -> list[int]:

@@ -53,11 +53,13 @@ class Length(Syntax):
     type: PartType = Field(description="Width, and byte order where `le` or `be` follows.", examples=["u8"])
     counts: Annotated[str, one_word("payload", "rest", "self_and_rest", "frame")] = Field(
         "payload",
-        description="What it counts: the payload, all that follows it, itself and all that follows, the whole frame.",
+        description="Counts the payload, everything after it, itself and everything after it, or the whole frame.",
         examples=["payload"],
     )
-    offset: LengthOffset = Field(0, description="Added to what it counts, in bytes.", examples=[0])
-    unit: WordSize = Field(1, description="Bytes that one count stands for; with `counts: payload` only.", examples=[2])
+    offset: LengthOffset = Field(0, description="Added to the count, in bytes.", examples=[0])
+    unit: WordSize = Field(
+        1, description="Bytes for each unit of the count; with `counts: payload` only.", examples=[2]
+    )
 
 
 def _payload(value: object) -> int | str:
@@ -123,11 +125,11 @@ class TailPart(PartSyntax):
 
 
 class LengthPart(PartSyntax):
-    """A number that tells the payload's size."""
+    """A number that gives the payload's size."""
 
     noun = "a `length` part"
     length: Annotated[Length, BeforeValidator(_type_alone, json_schema_input_type=PartType | Length)] = Field(
-        description="A number that tells the payload's size.", examples=["u8"]
+        description="A number that gives the payload's size.", examples=["u8"]
     )
 
 
@@ -154,9 +156,8 @@ class PayloadPart(PartSyntax):
             json_schema_input_type=Literal["by_length", "by_id", "rest"] | Annotated[int, Field(ge=0, le=0xFFFF)],
         ),
     ] = Field(
-        description="The payload's size: a number of bytes (shorter messages are padded with "
-        "zeros), by_length, by_id "
-        "(each message's own size), or rest (what lies between the delimiters).",
+        description="The payload's size: a number of bytes (shorter messages are padded with zeros), by_length, by_id "
+        "(each message's own size), or rest (everything between the delimiters).",
         examples=["by_length"],
     )
 
@@ -175,8 +176,7 @@ class HeaderSyntax(NumberSyntax):
 
     default: HeaderDefault | None = Field(
         None,
-        description="What is sent where the sender gives no value; {host: ..., mcu: ...}: one for each end. "
-        "Default: 0.",
+        description="The value if the sender gives none; {host: ..., mcu: ...}: one for each end. Default: 0.",
         examples=[1],
     )
     address: Annotated[str | None, one_word("mcu", "receiver", "sender")] = Field(
@@ -196,14 +196,14 @@ class FieldPart(PartSyntax, HeaderSyntax):
     noun = "a `field` part"
     field: Name = Field(description="Name of a number in the header.", examples=["system_id"])
     type: HeaderType = Field(
-        description="Type on the wire: a whole number; `le` or `be` behind it sets its byte order.", examples=["u8"]
+        description="Type on the wire: a whole number; add `le` or `be` for the byte order.", examples=["u8"]
     )
 
 
 CountedPer = Annotated[str, one_word("sender", "message")]
 _PER = (
-    "What it counts: the frames of a sender (`sender`, the default), or those of each message (`message`), which has "
-    "numbers of its own then."
+    "Counts the frames of a sender (`sender`, the default), or of each message (`message`), which then has its own "
+    "numbers."
 )
 
 
@@ -243,13 +243,13 @@ def _run(value: object) -> object:
     """`length: 10` is short for `length: {bits: 10}`, and `turn: i5` for `turn: {type: i5}`."""
     if isinstance(value, dict) and isinstance(value.get("unit"), Number):
         raise wrong(
-            "how many bytes one count of a length stands for is said of the whole part; write `unit` beside `fields`: "
-            "`- {bits: u8, fields: {flags: 4, length: 4}, unit: 4}`"
+            "the unit of a length belongs to the whole part; write `unit` beside `fields`: `- "
+            "{bits: u8, fields: {flags: 4, length: 4}, unit: 4}`"
         )
     if isinstance(value, dict) and "counts" in value:
         raise wrong(
-            "what a length counts is said of the whole part; write `counts` beside `fields`: "
-            "`- {bits: u16, fields: {id: 6, length: 10}, counts: rest}`"
+            "`counts` belongs to the whole part; write it beside `fields`: `- "
+            "{bits: u16, fields: {id: 6, length: 10}, counts: rest}`"
         )
     if isinstance(value, dict):
         return value
@@ -263,18 +263,19 @@ class BitsPart(PartSyntax):
     bits: ContainerType = Field(description="Width of the bytes whose bits are shared.", examples=["u16"])
     fields: dict[Name, Annotated[BitRun, BeforeValidator(_run, json_schema_input_type=int | str | BitRun)]] = Field(
         description="Name and number of bits, or type, of each run, from the lowest bit up. `id`, `length` and "
-        "`sequence` are what they say; `constant:` gives a run that never changes, `check:` one that is a check.",
+        "`sequence` have their usual meaning; `constant:` makes a run that never changes, `check:` one that is a "
+        "check.",
         examples=["{id: 6, length: 10}"],
     )
     first: Annotated[str, one_word("low", "high")] = Field(
         "low", description="Whether the first run has the lowest or the highest bits.", examples=["high"]
     )
     counts: Annotated[str, one_word("payload", "rest", "self_and_rest", "frame")] = Field(
-        "payload", description="What a `length` run counts.", examples=["payload"]
+        "payload", description="The bytes that a `length` run counts.", examples=["payload"]
     )
-    offset: LengthOffset = Field(0, description="Added to what a `length` run counts, in bytes.", examples=[0])
+    offset: LengthOffset = Field(0, description="Added to the count of a `length` run, in bytes.", examples=[0])
     unit: WordSize = Field(
-        1, description="Bytes that one count of a `length` run stands for; with `counts: payload` only.", examples=[4]
+        1, description="Bytes for each unit of a `length` run's count; with `counts: payload` only.", examples=[4]
     )
 
 
@@ -308,7 +309,7 @@ def one_part(allowed: Collection[str]) -> Callable[[object], object]:
         if len(found) == 1 and found[0] in allowed:
             return value
         if len(found) == 1:
-            raise wrong(f"`{found[0]}` cannot stand within stuffed parts; possible: {', '.join(allowed)}")
+            raise wrong(f"`{found[0]}` cannot be a stuffed part; possible: {', '.join(allowed)}")
         if found:
             both = " and ".join(f"`{key}`" for key in found)
             raise wrong(f"{both} are {len(found)} parts in one entry; begin each with a `- ` of its own")

@@ -89,20 +89,20 @@ class Link(Syntax):
     )
     echo: Bool = Field(
         False,
-        description="An end hears what it sends, as on two wires of RS-485. It drops its own bytes, and counts frames "
-        "that come back otherwise as collisions.",
+        description="An end hears its own bytes, as on two-wire RS-485. It drops them, and counts frames that come "
+        "back altered as collisions.",
         examples=["true"],
     )
     adapter_latency: Annotated[Duration, AfterValidator(_latency)] | None = Field(
         None,
-        description="How long the host's port may hold received bytes back. Default: 16 ms for USB, else what a UART's "
-        "buffer takes.",
+        description="How long the host's port may hold back received bytes. Default: 16 ms for USB, else the time "
+        "that a UART's buffer takes to fill.",
         examples=["16 ms"],
     )
     on_mismatch: Annotated[str, one_word("hold_back", "act")] = Field(
         "hold_back",
-        description="What the MCU does with commands of a host whose hello says another protocol hash: hold them back, "
-        "or act on them. The emergency stop always acts.",
+        description="Commands from a host whose hello contains another protocol hash: the MCU holds them back, or "
+        "acts on them. The emergency stop always acts.",
         examples=["act"],
     )
 
@@ -122,9 +122,9 @@ class MessageHead(Syntax):
     )
     match: dict[FieldPath, MatchValue] = Field(
         default_factory=dict,
-        description="What its frames have beside the id, or instead of one: a value, a list, a range or a mask, for a "
-        "header field, for a number of its payload (within a struct by its path, such as `head.kind`), or for `size` "
-        "(payload bytes).",
+        description="What identifies its frames besides the id, or instead of one: a value, a list, a range or a "
+        "mask, for a header field, for a number of its payload (within a struct by its path, such as `head.kind`), or "
+        "for `size` (payload bytes).",
         examples=["{kind: reply, size: 8}", "{head.kind: 1}"],
     )
     sender: Annotated[str, one_word("host", "mcu", "both")] = Field(description="Who sends it.", examples=["host"])
@@ -133,7 +133,7 @@ class MessageHead(Syntax):
     seed: Annotated[
         int | None,
         PlainValidator(whole(0, 255), json_schema_input_type=Annotated[int, Field(ge=0, le=255)]),
-    ] = Field(None, description="Byte that a check with `seed: message` counts behind its range.", examples=[50])
+    ] = Field(None, description="Byte that a check with `seed: message` includes after its range.", examples=[50])
     queue: Annotated[str, one_word("normal", "urgent", "latest")] = Field(
         "normal",
         description="How it waits for the line: in turn, before all others (at the MCU), or only the newest one.",
@@ -169,7 +169,7 @@ class GivenMessageSyntax(Syntax):
     __pydantic_extra__: dict[str, GivenValue]
 
     message: Name = Field(
-        description="The message to send; its fields' values stand beside it: a list for arrays, groups and flags, a "
+        description="The message to send, with the values of its fields: a list for arrays, groups and flags, a "
         "mapping for structs and bits, hex digits in quotes for byte strings.",
         examples=["velocity"],
     )
@@ -222,8 +222,8 @@ class DeadlineSyntax(Syntax):
     )
     recover_by: RecoverMessageSyntax | None = Field(
         None,
-        description="The message that the host sends to end it, with the values of its fields, where `recover` is "
-        "`explicit`. For people and the console; your firmware calls `recover` when it comes.",
+        description="The message that the host sends to end it, with the values of its fields, if `recover` is "
+        "`explicit`. For people and the console; your firmware calls `recover` when it arrives.",
         examples=["{message: parameter, name: clear_safe_mode, value: 0}"],
     )
 
@@ -246,7 +246,7 @@ class ExampleSyntax(Syntax):
 
     message: Name = Field(description="The message that the frame carries.", examples=["velocity"])
     sender: Annotated[str | None, one_word("host", "mcu")] = Field(
-        None, description="Who sends it; needed only where both ends do and it matters.", examples=["host"]
+        None, description="The sender; needed only if both ends send it and it matters.", examples=["host"]
     )
     fields: dict[Name, GivenValue] = Field(
         default_factory=dict,
@@ -255,7 +255,7 @@ class ExampleSyntax(Syntax):
     )
     header: dict[Name, GivenValue] = Field(
         default_factory=dict,
-        description="Values of the frame's own named fields and numbers, where they differ from their defaults.",
+        description="Values of the frame's own named fields and numbers, if they differ from their defaults.",
         examples=["{sequence: 5}"],
     )
     bytes: FrameBytes = Field(
@@ -299,7 +299,7 @@ class Services(Syntax):
     clock: RequestAndReply | None = Field(None, description="Clock offset and drift.")
     log: _OneMessage | None = Field(None, description="Lines of text from the MCU.")
     parameter: ParameterService | None = Field(None, description="Values on the MCU, read and set by index.")
-    counters: _OneMessage | None = Field(None, description="What the MCU's link counts, sent by itself.")
+    counters: _OneMessage | None = Field(None, description="The counters of the MCU's link, sent automatically.")
 
 
 # ---- the file ------------------------------------------------------------------------------------
@@ -330,8 +330,8 @@ class File(Syntax):
     )
     fixed: Annotated[str | None, one_word("host", "mcu", "both")] = Field(
         None,
-        description="The end that exists already and cannot change, such as a bought device. `check` then advises what "
-        "the other end's owner can do.",
+        description="The end that exists already and cannot change, such as a bought device. `check` then gives "
+        "advice to the owner of the other end.",
         examples=["mcu"],
     )
     frame: list[Part] = Field(
@@ -359,8 +359,8 @@ class File(Syntax):
     )
     resync: Annotated[str, one_word("rescan", "strict")] = Field(
         "rescan",
-        description="What follows a failed candidate: its bytes from the second on are looked through, or, where its "
-        "size was known, it is skipped whole (`strict`).",
+        description="What happens after a failed candidate: the search goes on at its second byte, or, if its size "
+        "was known, after its end (`strict`).",
         examples=["strict"],
     )
     byte_order: Annotated[str, one_word("little", "big")] = Field(
@@ -376,7 +376,7 @@ class File(Syntax):
     )
     deadlines: list[DeadlineSyntax] = Field(
         default_factory=list,
-        description="What happens when a message stays away.",
+        description="Actions for messages that stay away.",
         examples=["[{message: velocity, at: mcu, after: 1 s, then: stop}]"],
     )
     emergency_stop: EmergencyStopSyntax | None = Field(

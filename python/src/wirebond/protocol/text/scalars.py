@@ -422,7 +422,7 @@ FOREIGN_TYPES = {
 
 def _part_type(value: object) -> WireType:
     plain_words = [word for word in _PART_TYPES if not word.endswith(("le", "be"))]
-    listing = f"possible: {', '.join(plain_words)}; `le` or `be` behind sets the byte order"
+    listing = f"possible: {', '.join(plain_words)}; add `le` or `be` for the byte order"
     if not isinstance(value, str):
         raise wrong(f"{describe(value)} is not a type; {listing}")
     if value in _PART_TYPES:

@@ -27,7 +27,7 @@ class Syntax(BaseModel):
         if not isinstance(value, dict):
             keys = ", ".join(cls.known_keys())
             raise wrong(
-                f"{describe(value)} cannot stand for {cls.noun}; write {cls.short}a mapping with the keys {keys}"
+                f"{describe(value)} cannot be used for {cls.noun}; write {cls.short}a mapping with the keys {keys}"
             )
         empty = [key for key in cls.known_keys() if key in value and value[key] is None]
         errors: list[InitErrorDetails] = [
@@ -71,9 +71,9 @@ class Syntax(BaseModel):
         if kind == "extra_forbidden":
             return wrong(f"{quoted(key)} is not a key of {cls.noun}; {suggestion(key, cls.known_keys())}", "wrong_key")
         if kind in ("dict_type", "model_type", "model_attributes_type"):
-            return wrong(f"{describe(value)} cannot stand here; write a mapping: lines of `name: value`")
+            return wrong(f"{describe(value)} is not possible here; write a mapping: lines of `name: value`")
         if kind == "list_type":
-            return wrong(f"{describe(value)} cannot stand here; write a list: lines that begin with `- `, or [a, b]")
+            return wrong(f"{describe(value)} is not possible here; write a list: lines that begin with `- `, or [a, b]")
         if kind in ("too_short", "too_long"):
             few = kind == "too_short"
             limit = f"it needs at least {facts['min_length']}" if few else f"it takes at most {facts['max_length']}"

@@ -151,7 +151,7 @@ def parse(text: str, problems: Problems) -> Node:
     if unprintable is not None:
         code = f"U+{ord(unprintable.group()):04X}"
         place = _place_at(text, unprintable.start())
-        problems.stop(place, f"the character {code} cannot stand in YAML; is this a text file? remove the character")
+        problems.stop(place, f"the character {code} is not allowed in YAML; is this a text file? remove the character")
     builder = _Builder(problems)
     try:
         for event in YAML(typ="safe", pure=True).parse(text):
@@ -220,7 +220,7 @@ def _advice_at(text: str, what: str, place: Place, context: Any) -> str:
     lines = text.splitlines()
     line = lines[place.line - 1].strip() if 0 < place.line <= len(lines) else ""
     if "expected <block end>" in what and re.match(r"-[A-Za-z_]", line):
-        return "write a space behind the dash"
+        return "write a space after the dash"
     if "expected <block end>" in what and (closed := re.search(r"found '([\]}])'", what)):
         return f"remove this `{closed[1]}`, which closes nothing"
     if "expected ',' or" in what and context is not None:
@@ -241,7 +241,9 @@ def _misplaced_line(text: str, what: str, place: Place) -> str:
         deeper = [one for one in above if one > indent]
         columns = sorted({*deeper[-1:], *[one for one in above if one < indent][-1:]})
         fitting = either([str(column + 1) for column in columns or above[:1]])
-        return f"this line begins in column {place.column}, where no block above does; begin it in column {fitting}"
+        return (
+            f"this line begins in column {place.column}, but no block above begins there; begin it in column {fitting}"
+        )
     if "mapping values are not allowed" in what and indent > above[-1]:
         return (
             f"this line is indented further than the one above, which has a value; begin it in column {above[-1] + 1}"
@@ -382,7 +384,9 @@ class _Builder:
             self._problems.stop(place, f"the alias {quoted('*' + name)} has no anchor before it; write `&{name}` there")
         anchored = self._anchors[name]
         if anchored is None:
-            self._problems.stop(place, f"the alias {quoted('*' + name)} stands inside what it repeats; write it out")
+            self._problems.stop(
+                place, f"the alias {quoted('*' + name)} is inside the block that it repeats; write it out"
+            )
         self._count(anchored.nodes, place)
         if len(self._open) + anchored.height > MAX_DEPTH:
             self._too_deep(place)

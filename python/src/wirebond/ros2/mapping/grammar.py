@@ -76,7 +76,7 @@ def _source(value: object) -> Source:
         if not isinstance(path, str) or not _PATH.fullmatch(path):
             raise wrong(f"{describe(path)} is not a field; write its name, such as `state.estop`")
         if not isinstance(choose, dict) or (choose and len(value) > 2):
-            raise wrong("`values` stands beside `from` alone; write `{from: state.on, values: {true: 1, false: 0}}`")
+            raise wrong("`values` needs `from` and nothing else; write `{from: state.on, values: {true: 1, false: 0}}`")
         scale, offset = (_plain_number(value[key]) if key in value else float(key == "scale") for key in _LINEAR)
         return Source(path, None, scale, offset, {key: _choice(one) for key, one in choose.items()})
     raise wrong(
@@ -138,7 +138,7 @@ class QosSyntax(Syntax):
     noun = "a quality of service"
 
     reliability: Annotated[str, one_word("reliable", "best_effort")] = Field(
-        "reliable", description="Whether what the network loses is sent again.", examples=["best_effort"]
+        "reliable", description="Whether data that the network loses is sent again.", examples=["best_effort"]
     )
     durability: Annotated[str, one_word("volatile", "transient_local")] = Field(
         "volatile", description="transient_local: late subscribers get the last messages.", examples=["volatile"]
@@ -233,7 +233,7 @@ class FlagsSyntax(Syntax):
 
     message: Name = Field(description="A message of the MCU.", examples=["status"])
     field: Name = Field(description="A field with flags; each flag that is set is an error.", examples=["errors"])
-    words: dict[str, Text] = Field({}, description="What a flag means, in words.")
+    words: dict[str, Text] = Field({}, description="The meaning of a flag, in words.")
 
 
 class NavigationSyntax(Syntax):

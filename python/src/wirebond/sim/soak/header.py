@@ -25,7 +25,7 @@ def header(codec: Codec, mix: Mix) -> str:
     has_order = all(model.message(name).queue == Queue.NORMAL for name in mcu)
     is_resized = heard.sequence is not None and heard.stuffing != Stuffing.NONE
     lines = [
-        f"// Made by `wirebond soak` from {model.name}: what both ends offer.",
+        f"// Made by `wirebond soak` from {model.name}: the load that both ends offer.",
         "#pragma once",
         "",
         "#include <array>",

@@ -75,9 +75,10 @@ def mix_of(codec: Codec) -> Mix:
 def _refuse_what_cannot_be_told(codec: Codec) -> None:
     model = codec.model
     by_request = sorted(name for end in (End.HOST, End.MCU) for name in told_by_request(model.messages, end))
+    names = ", ".join(by_request)
     reasons = {
         "silence ends its frames, and the adapter of a soak hands bytes over without it": model.format.ends_by_silence,
-        f"only a request tells what these are, and a soak sends them unasked: {', '.join(by_request)}": by_request,
+        f"only a request identifies these messages, but a soak sends them without one: {names}": by_request,
     }
     for reason, holds in reasons.items():
         if holds:

@@ -36,7 +36,7 @@ class WireSettings(LineFaults):
     """Times are in seconds.
 
     ``batch``: an adapter hands over at multiples of it, up to ``jitter`` later. ``unplug``: the cable is out from this
-    time on, for so long. ``echo``: both directions are one line, and an end hears what it sends. ``line`` is that of
+    time on, for so long. ``echo``: both directions are one line, and an end hears its own bytes. ``line`` is that of
     end A, and ``baud_b`` and ``line_b`` of end B, None: the same."""
 
     baud: int = 115200

@@ -127,11 +127,11 @@ def unknown_message(case: Case) -> Guesses:
     def remedy(found: Verdict) -> str:
         if found.message is not None:
             fixed = f"`payload: {rule.fixed_payload}` and " if rule.payload == PayloadRule.FIXED else ""
-            return f"compare {fixed}the fields of {found.message.name} with what the sender packs"
+            return f"compare {fixed}the fields of {found.message.name} with the sender's code"
         near = near_messages(found)
         if near:
             names = " and ".join(message.name for message in near)
-            return f"compare the `match` of {names} with what the sender packs"
+            return f"compare the `match` of {names} with the sender's code"
         sender = "" if case.sender is None else f" and `sender: {case.sender.value}`"
         number = f" with `id: {_id(case, found)}`{sender}" if case.verdict is not None else ""
         return f"add a message{number} to the file"
@@ -254,9 +254,7 @@ def _with_payload(case: Case, at: int, own: int, size: int) -> Guess:
     what = f"everything holds if the payload has {size} bytes, not {own}: {whose} {much} than the file says"
 
     def remedy(found: Verdict) -> str:
-        fields = (
-            "" if found.message is None else f"compare the fields of {found.message.name} with what the sender packs"
-        )
+        fields = "" if found.message is None else f"compare the fields of {found.message.name} with the sender's code"
         if is_fixed:
             return f"write `- payload: {size}`" + (f", and {fields}" if fields else "")
         return fields

@@ -33,7 +33,7 @@ def check_console(machine: Machine, port: SerialPort) -> Finding:
         said.append("the kernel writes its messages to it (`console=` on its command line)")
         cure += _without_console(machine)
     if login is not None:
-        said.append("a login console runs on it and answers what the MCU sends")
+        said.append("a login console runs on it and answers the MCU")
         cure.append(login)
     where = (
         "there" if len(cure) > (login is not None) else "from the kernel's command line, in your boot loader's settings"

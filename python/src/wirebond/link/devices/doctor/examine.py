@@ -40,7 +40,7 @@ def examine(machine: Machine, name: str | None = None) -> list[Finding]:
     :raises UsageError: `name` begins with ``usb:`` and is written wrong.
     """
     if not can_list_ports(machine.root):
-        said = "what is in the way is looked up in files such as /sys/class/tty, which only Linux has"
+        said = "obstacles are found in files such as /sys/class/tty, which only Linux has"
         return [Finding("port", Verdict.CANNOT_TELL, said, name)]
     ports, findings = _ports(machine, name)
     for port in ports:

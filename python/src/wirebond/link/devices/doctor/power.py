@@ -34,8 +34,8 @@ def check_autosuspend(machine: Machine, port: SerialPort) -> Finding | None:
     return Finding(
         "autosuspend",
         Verdict.WARNING,
-        "Linux may put it to sleep when it is idle, also while it is open; what the MCU sends then may be late or "
-        "lost. The first command keeps it awake until it is unplugged, the others for good",
+        "Linux may put it to sleep when it is idle, also while it is open; bytes that the MCU sends then may be late "
+        "or lost. The first command keeps it awake until it is unplugged, the others permanently",
         port.path,
         (
             f"echo on | sudo tee /sys/bus/usb/devices/{usb.location}/power/control",
