@@ -43,7 +43,7 @@ for method in ASKING:
 
 @pytest.fixture(autouse=True)
 def every_problem_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The sentence of a refused protocol file says what is wrong, and behind a semicolon what to write."""
+    """Verify that the sentence of a refused protocol file says what is wrong, and after a semicolon what to write."""
     add = Problems.add
 
     def checked(self: Problems, place: Place, sentence: str) -> None:
@@ -55,6 +55,6 @@ def every_problem_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_teardown() -> Iterator[None]:
-    """A test that drives links from Python must not leave the next ones with them."""
+    """Verify that a test that drives links from Python has restored the engine's."""
     yield
     assert settings_of_links.HAS_ENGINE_PORTS

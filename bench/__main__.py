@@ -104,7 +104,8 @@ _GRACE = 5.0  # seconds for a benchmark to end what it started
 
 
 def measure_in_child(name: str, limit: float) -> list[Figure] | None:
-    """What a process of its own measures. None: it failed or did not end in time, which is printed.
+    """Return the figures of a measurement that runs in its own process. None: it failed or did not end in time, which
+    is printed.
 
     :param limit: seconds.
     """

@@ -1,4 +1,5 @@
-"""What the console's server costs while a page looks on, how old what it sends is, and what a look at an hour takes.
+"""Measures the cost of the console's server while a page is open, the age of its data, and the time that an hour of
+history takes to show.
 
 A process writes 8 000 frames a second to a pty, eight each millisecond, of two messages with eight fields each.
 `wirebond serve --web` owns the other side. A process in the page's place wants the table of messages and two plots of

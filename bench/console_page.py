@@ -85,7 +85,7 @@ WATCH = """() => {
 
 
 def look() -> dict[str, Any]:
-    """What the page saw: intervals and ages of frames and the durations of inputs, all in milliseconds."""
+    """Return the page's measurements: intervals and ages of frames and the durations of inputs, all in milliseconds."""
     with tempfile.TemporaryDirectory() as name:
         file = Path(name) / "console_bench.yaml"
         file.write_text(PROTOCOL)

@@ -138,7 +138,8 @@ def _wait_for(page: Page, begin: float) -> None:
 
 
 def _greatest(page: Page, share: float) -> float:
-    """What the legends show there, in widths of a plot: the greatest value that the rows of each line have."""
+    """Return the maximum in the legends at ``share``, in widths of a plot: the largest value in the rows of each
+    line."""
     position = page.locator(".position")
     for _ in range(_TRIES):
         box = _at_rest(page)
@@ -157,7 +158,8 @@ def _greatest(page: Page, share: float) -> float:
 
 
 def _at_rest(page: Page) -> Any:
-    """Where the first plot is, once two pictures leave it there: the numbers of its axes have the room they need."""
+    """Return the place of the first plot once it no longer moves: two pictures in a row agree, with room for the
+    numbers of its axes."""
     over = page.locator(".u-over").first
     before = over.bounding_box()
     for _ in range(_TRIES):
@@ -190,7 +192,7 @@ def _drag(page: Page, at: float, path: list[float], span: float) -> tuple[dict[s
 
 
 def answers(seen: dict[str, Any], seconds_per_pixel: float) -> list[float]:
-    """Of each movement, milliseconds until a picture answers it."""
+    """Return the milliseconds from each movement to the picture that shows it."""
     moves = [(t, seen["from"] + (seen["x"] - x) * seconds_per_pixel) for t, x in seen["moves"]]
     found = []
     for number, (moved, _) in enumerate(moves):

@@ -13,5 +13,5 @@ def text() -> str:
 
 
 def codec() -> Codec:
-    """The same, loaded."""
+    """Return the loaded protocol."""
     return Codec(loads(text()))

@@ -1,4 +1,4 @@
-"""What one measured figure is, and how figures are printed and kept."""
+"""Defines a measured figure; prints and stores figures."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def keep(figures: list[Figure], noises: str = "") -> None:
 
 
 def machine() -> dict[str, str]:
-    """What the figures were measured on."""
+    """Describe the machine of the measurements."""
     model = next(
         (
             line.partition(":")[2].strip()

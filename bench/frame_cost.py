@@ -1,4 +1,5 @@
-"""What a frame costs the run-time engine, against goals in instructions and against the limit of the machine in time.
+"""Measures the cost of a frame in the run-time engine, against goals in instructions and against the machine's limit in
+time.
 
 ``decode_ir_per_frame``, ``decode_ir_per_frame_table``, ``encode_ir_per_frame``: callgrind's count, difference of two
 runs. ``decode_over_limit``: decoding against both checks of each frame by the fastest CRC of this processor and one

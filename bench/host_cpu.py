@@ -1,4 +1,4 @@
-"""What a full line of 2 Mbaud costs the host: the processor time of one Python program that uses a link.
+"""Measures the cost of a full line of 2 Mbaud for the host: the processor time of one Python program that uses a link.
 
 In come about 4 350 frames a second, each given to a handler in Python; out go about 9 000, each by its own ``send``.
 That is what 8N2 carries in both directions. Processor time is that of all threads, by the system's account.

@@ -1,4 +1,5 @@
-"""What Wirebond adds to a round trip on a line that is used to 90 % both ways. The rules: bench/README.md.
+"""Measures the time that Wirebond adds to a round trip on a line with 90 % load in both directions. The rules:
+bench/README.md.
 
 Two ptys are joined by `wirebond wire` at 2 Mbaud 8N2. A probe of 45 bytes goes out each millisecond and comes back,
 among other frames of its size that fill both directions. With Wirebond the near end is a Python program and the far
@@ -69,7 +70,7 @@ def bare(program: Path, far: set[int], seconds: float) -> tuple[list[float], int
 
 
 def with_wirebond(program: Path, far: set[int], seconds: float) -> tuple[list[float], int]:
-    """The same with a link at the near end."""
+    """Measure the round trips with a link at the near end."""
     sent: list[float] = []
     trips: list[float] = []
     with (

@@ -1,4 +1,4 @@
-"""What a frame costs generated code on a Cortex-M4, in instructions: counted under emulation, difference of two runs.
+"""Counts the instructions of a frame in generated code on a Cortex-M4, under emulation, as the difference of two runs.
 
 Decoding: a frame's bytes lie in a ring of 512 bytes, one frame in eight across its end; each is handed over when it has
 come; it is found, its checks are made, its message's struct is filled and its handler called. Encoding: from the filled

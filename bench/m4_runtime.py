@@ -1,4 +1,5 @@
-"""What a link costs a Cortex-M: instructions of a send and of each interrupt, flash, RAM, stack, masked interrupts.
+"""Measures the cost of a link on a Cortex-M: instructions of a send and of each interrupt, flash, RAM, stack, masked
+interrupts.
 
 Counted and measured on generated code; bench/README.md says how. The processor's share is computed from the counts.
 """
@@ -53,7 +54,7 @@ RUNS_A_SECOND = 1000  # a run is a millisecond of line
 
 @dataclass(frozen=True)
 class Sizes:
-    """Of the buffers: bytes to receive, bytes and frames to send."""
+    """The sizes of the buffers: bytes to receive, bytes and frames to send."""
 
     receive: int
     send: int
@@ -94,7 +95,7 @@ def _difference(program: Program, function: str, rounds: tuple[int, int], *argum
 
 
 def measure_send() -> list[Figure]:
-    """Of the message that is dearest to send."""
+    """Measure the message with the most expensive send."""
     return _measure_send()[0]
 
 
@@ -134,7 +135,8 @@ def _instructions() -> list[Figure]:
 
 
 def measure_finish() -> list[Figure]:
-    """What the UART's interrupt does more for each frame that gets its sequence number there: number and checks."""
+    """Measure the extra cost in the UART's interrupt of a frame that gets its sequence number there: number and
+    checks."""
     text = (ROOT / "protocols" / "enterprize.yaml").read_text(encoding="utf-8")
     numbered = text.replace("protocol: enterprize", "protocol: numbered")
     numbered = numbered.replace("  - payload: by_length\n", "  - sequence: u8\n  - payload: by_length\n")
@@ -206,8 +208,8 @@ def measure_memory(protocols: Sequence[str] = PROTOCOLS) -> list[Figure]:
 
 
 def measure_servo() -> list[Figure]:
-    """Of firmware/servo, whose frames have an address. AssertionError where it answers a request for another servo, or
-    not the one for its own number, 3."""
+    """Measure firmware/servo, whose frames have an address. AssertionError if it answers a request for another servo,
+    or does not answer the one for its own number, 3."""
     folder = BUILD / "servo"
     shutil.rmtree(folder, ignore_errors=True)
     generate_cpp(_model("servo_bus"), folder)
@@ -234,7 +236,7 @@ def measure_servo() -> list[Figure]:
 
 
 def measure_debug_builds() -> list[Figure]:
-    """Of a minimal link, as development environments build it by default: -O0 (`debug`) and -Og."""
+    """Measure a minimal link, as development environments build it by default: -O0 (`debug`) and -Og."""
     model = wirebond.load(FOLDER / "cart.yaml").model
     figures = []
     for level, optimise in (("debug", "-O0"), ("og", "-Og")):

@@ -1,4 +1,5 @@
-"""Whether this machine was quiet while a benchmark ran: what else used its processors, and how often it stood still."""
+"""Reports whether this machine was quiet during a benchmark: the processor time of other programs, and how often the
+machine stood still."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ FIRST = """() => {
 
 @dataclass
 class Seen:
-    """What one run of the page saw.
+    """The observations of one run of the page.
 
     :ivar first: milliseconds from the click to the first picture.
     :ivar frames: milliseconds between two frames.
@@ -152,7 +152,7 @@ def _below(process: int) -> Iterator[int]:
 
 
 def page_bytes() -> int:
-    """What a browser loads from a web server that compresses."""
+    """Return the bytes that a browser loads from a web server that compresses."""
     with tempfile.TemporaryDirectory() as name:
         file = Path(name) / "console_bench.yaml"
         file.write_text(PROTOCOL)

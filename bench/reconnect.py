@@ -1,4 +1,5 @@
-"""How long a link takes to come back: from the appearance of the device's node to the first message of its peer.
+"""Measures how long a link takes to come back: from the appearance of the device's node to the first message of its
+peer.
 
 The peer sends at 1 kHz. The link has a program under load above it: it sends and takes messages all the time. Between
 two appearances the port is away for a moment, or so long that the link looks for it once in a second only.

@@ -34,7 +34,7 @@ class Comparison:
         return sorted(self.rows.items(), key=lambda row: row[1], reverse=self.more_is_better)
 
     def factor(self, value: float) -> float:
-        """How many times worse than Wirebond."""
+        """Return how many times worse than Wirebond it is."""
         return self.rows[OURS] / value if self.more_is_better else value / self.rows[OURS]
 
 

@@ -1,4 +1,4 @@
-"""What the bridge to ROS 2 costs: its processor time, what it loses, and how much later a topic is than its message.
+"""Measures the bridge to ROS 2: its processor time, its losses, and the delay from a message to its topic.
 
 Two ptys are joined by `wirebond wire` at the 2 Mbaud of the protocol file (8N2): 8 000 `chassis_msg` a second are 84 %
 of it, and five commands 1 600 times a second each 89 %. At one end a process is the MCU, which writes and counts. The
@@ -188,7 +188,7 @@ def over_dds(*files: str) -> Iterator[subprocess.Popen[str]]:
 
 @contextmanager
 def over_rclpy(environment: dict[str, str], *files: str) -> Iterator[subprocess.Popen[str]]:
-    """Who waits for its topics waits until it runs."""
+    """Run the bridge in rclpy. It may not run yet: wait for its topics."""
     names = ("protocol", "port", "mapping")
     given = [word for name, value in zip(names, files, strict=True) for word in ("-p", f"{name}:={value}")]
     with process([sys.executable, "-m", "wirebond_ros.bridge", "--ros-args", *given], environment) as bridge:

@@ -1,4 +1,5 @@
-"""What Wirebond adds to the round trip of a frame of 45 bytes over an idle pty. The rules: bench/README.md.
+"""Measures the time that Wirebond adds to the round trip of a frame of 45 bytes over an idle pty. The rules:
+bench/README.md.
 
 Near end: the engine's link, with ``send`` from Python and the engine's own receive stamp. Far end: generated C++ that
 decodes each frame and encodes it again. Against them: two C++ programs that write and read the same bytes, and nothing

@@ -1,4 +1,4 @@
-"""What sharing a link costs, and how soon a robot stops whose driver is gone.
+"""Measures the cost of sharing a link, and how soon a robot stops after its driver has gone.
 
 The server's processor time with five clients, and what attaching adds to latency.
 

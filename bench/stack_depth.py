@@ -1,4 +1,5 @@
-"""How deep a program's functions go on the stack: a bound over all its ways, from what the compiler tells of each.
+"""Computes the stack depth of a program's functions: a bound over all call paths, from the compiler's output for each
+function.
 
 GCC's ``-fcallgraph-info=su`` writes who calls whom and how much stack each takes. Tail calls are counted as calls.
 """

@@ -1,4 +1,4 @@
-"""What `mkdocs` does differently for this site: pages from outside of docs/, and links to files of the repository.
+"""The hooks of `mkdocs` for this site: pages from outside of docs/, and links to files of the repository.
 
 The site has pages of files that stand elsewhere, such as the changelog. Links to other files of the repository, such as
 a header, become their path as text: a site that is opened from disk has no repository beside it.

@@ -57,7 +57,7 @@ FOREIGN_TARGETS = (
 
 @dataclass(frozen=True)
 class ForeignPython:
-    """What a build needs to know.
+    """The facts that a build needs.
 
     :ivar arguments: of `cmake`.
     :ivar environment: of `pip wheel`, beside `CMAKE_ARGS` with the arguments.

@@ -1,4 +1,4 @@
-"""What ``tests.command`` forks from has imported this: the command, with a protocol file read once.
+"""The module that ``tests.command`` forks from: it has imported the command, and read a protocol file once.
 
 Reading the first file builds the grammar's models, which takes as long as the imports.
 """

@@ -1,4 +1,4 @@
-"""What a function costs, counted and not timed: no other program of the machine changes it."""
+"""Counts the cost of a function instead of timing it: no other program of the machine changes the count."""
 
 from __future__ import annotations
 

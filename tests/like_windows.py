@@ -165,7 +165,7 @@ class _ComPort(serialposix.Serial):
 
 
 def _com_port(name: str, **options: Any) -> _ComPort:
-    """What pyserial opens: names are those of `PORTS`, and lead to ttys."""
+    """Open a port as pyserial does: names are those of `PORTS`, and lead to ttys."""
     assert "exclusive" not in options  # there every port is
     path = json.loads(os.environ.get(PORTS, "{}")).get(name)
     if path is None or not Path(path).exists():

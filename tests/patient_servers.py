@@ -25,7 +25,7 @@ def be_patient(patch: pytest.MonkeyPatch) -> None:
 
 
 def are_patient() -> bool:
-    """Whether those of this process are."""
+    """Return whether the servers of this process are patient."""
     return control.SILENCE == _FOREVER
 
 

@@ -1,4 +1,4 @@
-"""What this process and those that it started are doing, for the report of a wait that was in vain."""
+"""Reports the state of this process and of those that it started, for a wait that was in vain."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from wirebond.protocol.model import Algorithm, PartKind
 
 
 def random_check(chance: random.Random) -> tuple[str, int]:
-    """What stands in a file from ``type`` on, such as ``sum, width: 16, unit: 2``, and the bytes of the value."""
+    """Return the text for a file from ``type`` on, such as ``sum, width: 16, unit: 2``, and the bytes of the value."""
     kind = chance.choice(("crc", "sum", "xor", "fletcher"))
     width = _width(kind, chance)
     every = (1 << width) - 1
@@ -35,7 +35,7 @@ def random_check(chance: random.Random) -> tuple[str, int]:
 
 
 def algorithm_of(check: str) -> Algorithm:
-    """What the loader makes of it."""
+    """Return the loader's algorithm for it."""
     over = "over: payload, " if "refuse" in check else ""
     text = (
         f"wirebond: 1\nprotocol: check\nframe: [magic: 0xA5, payload: 4, check: {{{over}type: {check}}}]\n"

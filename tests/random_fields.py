@@ -33,7 +33,7 @@ MOST_RANGED_BITS = 48
 
 
 class Vary(IntEnum):
-    """What the frame allows to vary in size, each with what stands before it."""
+    """The variable sizes that a frame allows; each value includes those before it."""
 
     NOTHING = 0
     TOLD = 1  # by counts alone, which tell where the payload ends
@@ -405,7 +405,7 @@ class FieldSource:
         return self._random.choice((counter.path, f"{{elements: {counter.path}}}"))
 
     def _last(self, room: int, depth: int) -> Drawn:
-        """What reaches to the payload's end."""
+        """Draw a field that reaches to the payload's end."""
         if self._random.random() < 0.15:
             inner = self._varying(room, depth, "to_end", alone=True) or Drawn("{type: bytes, max: 1}", 1)
             return Drawn(f"{{struct: {{last: {inner.text}}}}}", inner.most)

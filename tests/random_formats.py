@@ -227,7 +227,7 @@ class _FormatSource:
         return [*texts[:front], f"escaped: {{{rule}}}", *texts[stop:]]
 
     def _plain_parts(self) -> tuple[int, int]:
-        """How many parts before and behind the stuffed ones are sent as they are: such parts are always there, and
+        """Return how many parts before and after the stuffed ones are sent unchanged: such parts are always there, and
         their checks cover all that is stuffed or nothing of it."""
         payload = self._payload_index()
         always = [not any(option.startswith("when:") for option in part.options) for part in self._parts]
@@ -392,7 +392,7 @@ class _FormatSource:
             self._plain.add(name)
 
     def _meaning(self, letter: str, bits: int) -> list[str]:
-        """What a header field says about itself, beside its type."""
+        """Return the properties of a header field, besides its type."""
         half = 2 ** (bits - 1)
         least, most = (0, 2 * half - 1) if letter == "u" else (-half + (letter == "s"), half - 1)
         drawn = [self._random.choice((least, most, 0, 1, self._random.randint(least, most))) for _ in range(3)]

@@ -1,4 +1,4 @@
-"""What several tests share: the protocol files and the vectors."""
+"""Shared by several tests: the protocol files and the vectors."""
 
 from __future__ import annotations
 

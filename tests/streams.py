@@ -44,7 +44,7 @@ def random_values(message: Message, source: random.Random) -> dict[str, Any]:
 def _set_number(
     fields: tuple[Field, ...], values: dict[str, Any], match: Match, path: str, source: random.Random
 ) -> None:
-    """Where it is not a constant already."""
+    """Set a number, unless it is a constant already."""
     name, _, rest = path.partition(".")
     for described in fields:
         if described.name != name or name not in values:
@@ -149,7 +149,7 @@ class Speaker:
         self._forms: dict[End, tuple[Form, ...]] = {}
 
     def valid(self, source: random.Random) -> bytes:
-        """What a sender would send."""
+        """Return a payload as a sender sends it."""
         for _ in range(_MOST_REFUSED):
             message = source.choice(self._codec.model.messages)
             with contextlib.suppress(_RefusedError):
@@ -157,7 +157,7 @@ class Speaker:
         raise AssertionError(_NONE_SENT)
 
     def any(self, source: random.Random) -> bytes:
-        """The same or, as often, a payload that its sender would not send, or an id that nobody knows."""
+        """Return a valid payload or, as often, one that its sender would not send, or an unknown id."""
         if source.random() < 0.5:
             return self.valid(source)
         for _ in range(_MOST_REFUSED):
@@ -258,8 +258,8 @@ _PAYLOAD_ALONE = FrameFormat(
 
 
 def _with_raw_payloads(model: Protocol) -> Protocol:
-    """The same frames, with bytes for fields; behind the messages one whose id is another's nowhere, where frames carry
-    ids."""
+    """Return the same frames with bytes for fields; after the messages comes one with an id that no other has, if
+    frames have ids."""
     raw = (Field("raw", FieldKind.BYTES, 0, max_size=0xFFFF),)
     taken = {message.id for message in model.messages}
     forms = plan_for(model, End.HOST).forms + plan_for(model, End.MCU).forms

@@ -1,4 +1,4 @@
-"""What stands still while a test does something: a process, whatever else happens to the run; or one loop."""
+"""Suspends a process, or one loop, while a test does something."""
 
 from __future__ import annotations
 
@@ -56,12 +56,12 @@ class Suspended:
                 return
 
     def states(self) -> set[str]:
-        """Of its threads, by one letter each (proc(5))."""
+        """Return the states of its threads, by one letter each (proc(5))."""
         files = Path(f"/proc/{self._process}/task").glob("*/stat")
         return {file.read_text().rpartition(")")[2].split()[0] for file in files}
 
     def _counted(self) -> int:
-        """How often its threads were put on a processor, and taken off again."""
+        """Return how often its threads were put on a processor, and taken off again."""
         lines = [line for file in Path(f"/proc/{self._process}/task").glob("*/status") for line in file.open()]
         return sum(int(line.split()[1]) for line in lines if line.startswith(_COUNTS))
 

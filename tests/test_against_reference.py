@@ -17,14 +17,15 @@ FORMATS |= {f"contrib-{path.stem}": path for path in (PROTOCOLS / "contrib").glo
 
 
 def stream_for(proto: Codec, source: random.Random, pieces: int = 60) -> bytes:
-    """Where silence ends a frame, a stream without times is one block: a frame, or something else."""
+    """Return a stream for the format. If silence ends a frame, a stream without times is one block: a frame, or
+    something else."""
     if not proto.model.format.ends_by_silence:
         return hard_stream(proto, source, pieces)
     return source.choice([random_frame(proto, source), source.randbytes(12), random_frame(proto, source) * 9])
 
 
 def can_be_told(proto: Codec, sender: End | None) -> bool:
-    """Whether this end speaks; without an end, whether every id means one message."""
+    """Return whether this end sends messages; without an end, whether every id means one message."""
     if sender is None and needs_sender(proto.model):
         return False
     return any(m.sent_by(sender) for m in proto.model.messages)

@@ -251,7 +251,8 @@ def test_progress_of_a_large_capture_is_told_and_may_stop_it() -> None:
 
 
 def test_the_block_behind_one_that_was_too_long_is_a_block_of_its_own() -> None:
-    """Where silence ends a frame. What came before is thrown away at once, so that nothing is left to give up."""
+    """For formats whose frames end by silence. The bytes before are discarded at once, so nothing is left to give
+    up."""
     proto = load(ROOT / "tests" / "formats" / "modbus_rtu.yaml")
     frame = proto.encode("write_register", {"number": 1, "value": 2})
     decoder = proto.decoder("host")

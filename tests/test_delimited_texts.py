@@ -167,7 +167,7 @@ def test_generated_cpp_refuses_it(tmp_path: Path) -> None:
 
 
 def c_answers(codec: Codec, program: str, folder: Path) -> str:
-    """What a program in C prints that uses the generated API."""
+    """Return the output of a program in C that uses the generated API."""
     generate_c(codec.model, folder)
     (folder / "main.c").write_text(program)
     flags = ["-O0", "-Wall", "-Wextra", "-Werror", "-fsanitize=address,undefined", f"-I{folder}", "-c"]

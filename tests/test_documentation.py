@@ -1,4 +1,4 @@
-"""What the pages show is true: every example is run, every file loaded, every program compiled, every link kept.
+"""The pages are true: every example is run, every file loaded, every program compiled, every link kept.
 
 How a block of a page is treated, by what stands behind its fence:
 
@@ -133,7 +133,7 @@ def by_name(page: Path) -> str:
 
 
 def differs(wanted: str, got: str) -> str:
-    """What is wrong, or nothing."""
+    """Return the difference, empty if there is none."""
     is_shown = doctest.OutputChecker().check_output(wanted, got, doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
     return "" if is_shown else f"the page shows\n{wanted}\nand the output is\n{got}"
 
@@ -345,7 +345,7 @@ def test_cpp_compiles(block: Block, generated: Path, tmp_path: Path) -> None:
 
 
 def port_folders(block: Block, folder: Path) -> list[str]:
-    """Where the ports that the block includes lie, and the doubles of their vendors' headers."""
+    """Return the folders of the ports that the block includes, and of the doubles of their vendors' headers."""
     ports = sorted(set(re.findall(r"wirebond/(\w+)/", block.text)))
     ports += re.findall(r'"wirebond_(\w+)\.h"', block.text)  # in C
     ports += ["freertos"] if '"FreeRTOS.h"' in block.text else []
@@ -393,7 +393,7 @@ def without_blocks(page: Path) -> str:
 
 
 def anchors(page: Path) -> set[str]:
-    """Of the page's headings, as the web pages of source hosts make them."""
+    """Return the anchors of the page's headings, as the web pages of source hosts make them."""
     headings = re.findall(r"^#+ (.*)$", without_blocks(page), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-") for heading in headings}
 

@@ -34,7 +34,7 @@ def received(field: str, payloads: list[bytes]) -> list[Message]:
 
 
 def doubles(source: random.Random, count: int) -> list[float]:
-    """Of all sizes, with few digits and with many."""
+    """Return doubles of all magnitudes, with few digits and with many."""
     of_all_bits = struct.unpack(f"<{count}d", source.randbytes(8 * count))
     short = [
         source.choice((-1, 1)) * source.randrange(1, 100000) * 10.0 ** source.randrange(-30, 30) for _ in range(count)

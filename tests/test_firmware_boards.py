@@ -36,7 +36,7 @@ def run(*command: str | Path) -> str:
 
 
 def refusal(build: Path, *options: str) -> str:
-    """What CMake says where it stops, in one line."""
+    """Return CMake's message when it stops, in one line."""
     command = ["cmake", "-S", str(ROOT / "firmware"), "-B", str(build), *options]
     environment = {name: value for name, value in os.environ.items() if name != "STM32_HAL_PATH"}
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)

@@ -81,7 +81,7 @@ def project(tmp_path: Path) -> Path:
 
 
 def write_c_project(project: Path, port: str = "stm32_hal") -> None:
-    """What docs/c.md has of an STM32 project, in the place of the C++."""
+    """Write the STM32 project of docs/c.md, in the place of the C++ one."""
     diffdrive = load(PROTOCOLS / "diffdrive.yaml")
     generate_c(diffdrive, project / "generated")
     write_files(project / "generated", port_files_in_c(port))
@@ -126,7 +126,7 @@ def blocks_for_stm32() -> list[str]:
 
 
 def with_channels(text: str) -> str:
-    """Of the port without the HAL, what the page says of a G4."""
+    """Return the code of the port without the HAL, as the page gives it for a G4."""
     channels = "{USART3, DMA1, DMA1_Channel1, 1, DMA1_Channel2, 2, USART3_IRQn}"
     return re.sub(r"\{USART3, DMA1, .*?\}", channels, text).replace("stm32f4xx.h", "stm32g4xx.h")
 
@@ -440,7 +440,7 @@ def test_each_mistake_in_a_project_is_said_by_its_link(language: str, port: str,
 
 
 def on_board(project: Path, port: str) -> list[str]:
-    """Where the project's files lie, and the board of the port's own tests."""
+    """Return the folders of the project's files, and the board of the port's own tests."""
     ports = ROOT / "ports"
     own = [project / "generated", project / "Core/Inc"]
     others = [ports / port / "tests", ports / "fake/include", ROOT / "sim/include"]
@@ -448,7 +448,7 @@ def on_board(project: Path, port: str) -> list[str]:
 
 
 def double(port: str) -> Path:
-    """What stands for the vendor's code and registers there."""
+    """Return the folder that replaces the vendor's code and registers."""
     return ROOT / "ports" / port / "tests" / ("board.cpp" if port == "stm32_ll" else "stm32f4xx_hal.cpp")
 
 

@@ -87,7 +87,7 @@ def run(command: list[str]) -> str:
 
 
 def printed_by_cpp(model: Protocol, calls: list[str], folder: Path) -> list[str]:
-    """What the generated C++ makes of each call, as hex; the status where it refuses."""
+    """Return the generated C++'s result of each call, as hex; the status if it refuses."""
     generate_cpp(model, folder)
     blocks = "\n".join(
         f"  {{ std::size_t size = 0; const wirebond::Status status = {call}; show(status, size); }}" for call in calls

@@ -50,7 +50,7 @@ NO_PORT = "there is no port COM3; plug it in, or look for its name with `python 
 
 
 def like_windows(commands: list[list[str]], folder: Path) -> list[tuple[int, str]]:
-    """What each command ends with and prints, in one process like one on Windows."""
+    """Return the exit code and output of each command, run in one process like one on Windows."""
     done = subprocess.run(
         [sys.executable, "-m", "tests.like_windows", json.dumps(commands)],
         cwd=ROOT,

@@ -19,7 +19,7 @@ HEAD = "joint_states     12  50.0 Hz"
 
 
 def lines(fields: dict[str, Any], width: int = 80, widths: Widths | None = None, **others: Any) -> list[str]:
-    """What stands below the headings."""
+    """Return the lines below the headings."""
     console = Console(width=width, file=io.StringIO(), record=True)
     console.print(MessageRows([Row("joint_states", "12", "50.0 Hz", fields, widths or Widths(), **others)]))
     return [line.rstrip() for line in console.export_text().splitlines()][1:]

@@ -1,4 +1,4 @@
-"""What Python and C++ must know alike: each stands in two languages, and these tests hold the two together."""
+"""Constants that Python and C++ share: each exists in two languages, and these tests compare them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ int main() {
 
 @pytest.fixture(scope="module")
 def constants(tmp_path_factory: pytest.TempPathFactory) -> list[list[int]]:
-    """What the C++ headers say, a line each."""
+    """Return the constants of the C++ headers, a line each."""
     folder = tmp_path_factory.mktemp("constants")
     (folder / "main.cpp").write_text(PROGRAM, encoding="utf-8")
     run([CXX, "-std=c++17", f"-I{CORE}", str(folder / "main.cpp"), "-o", str(folder / "main")])

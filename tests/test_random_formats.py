@@ -76,7 +76,7 @@ def drawn_check(seed: int) -> Drawn:
 
 @dataclass(frozen=True)
 class Heard:
-    """What the engine found in one stream, and what its receiver makes of that."""
+    """The engine's result for one stream, and its receiver's."""
 
     drawn: Drawn
     messages: list[Message]
@@ -180,7 +180,7 @@ def verify_host(
 
 
 def verify_intact(drawn: Drawn, source: random.Random) -> None:
-    """What an end sends is heard at the other one."""
+    """Verify that the other end receives everything that an end sends."""
     codec = drawn.codec
     for message in codec.model.messages:
         for end in (End.HOST, End.MCU):
@@ -273,7 +273,7 @@ def verify_generated(heard: Heard, answer: Answer) -> None:
 
 
 def verify_defaults(drawn: Drawn, row: int, defaults: dict[tuple[int, int], bytes | None]) -> None:
-    """What is left out takes its default, or must be given."""
+    """Verify that omitted values take their default, or are refused."""
     for index, message in enumerate(drawn.codec.model.messages):
         try:
             frame = drawn.codec.encode(message.name)

@@ -90,7 +90,7 @@ def raw_text(size: int, message_id: int) -> str:
 
 @pytest.fixture(scope="module")
 def ends(tmp_path_factory: pytest.TempPathFactory) -> tuple[Codec, list[Message], Answer]:
-    """What the engine and the generated C++ make of the same frames."""
+    """Return the results of the engine and of the generated C++ for the same frames."""
     codec = Codec(loads(protocol_text(ALL)))
     source = random.Random(1)
     stream = b"".join(b"".join(frames(codec, message.name, source)) for message in codec.model.messages)

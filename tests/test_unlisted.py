@@ -45,7 +45,7 @@ OTHERS = """  attitude: {id: 30, sender: mcu, seed: 39, fields: {a: {type: bytes
 
 
 def pair(frame: str) -> tuple[Codec, Codec]:
-    """What the peer speaks, and what the file lists."""
+    """Return the codec of the peer, and the one of the file."""
     bound = "max_payload: 60\n"
     if "seed" not in frame:
         listed, others = LISTED.replace("seed: 50, ", ""), OTHERS.replace("seed: 39, ", "").replace("seed: 124, ", "")

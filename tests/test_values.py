@@ -1,4 +1,4 @@
-"""What a command line's words become, and the made-up values of the simulator, for every shape of fields."""
+"""Values from the words of a command line, and made-up values of the simulator, for every shape of fields."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which characters are escaped, and how."""
+"""The characters that are escaped, and their escapes."""
 
 from __future__ import annotations
 

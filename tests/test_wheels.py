@@ -142,7 +142,7 @@ def test_the_demo_and_a_recording_work_without_a_compiler_and_without_node(wheel
 
 @pytest.mark.parametrize(("release", "python"), [("bookworm", "3.11"), ("trixie", "3.13")])
 def test_the_tests_of_the_engine_pass_on_arm(wheels: Path, release: str, python: str, tmp_path: Path) -> None:
-    """Where char is unsigned. Processes and ttys are left out: the emulator has no ttys, and its order of memory is
+    """On ARM, char is unsigned. Processes and ttys are left out: the emulator has no ttys, and its order of memory is
     this computer's."""
     root = debian(tmp_path, release, "arm64", "python3", "libstdc++6")
     packages = tmp_path / "packages"

@@ -31,7 +31,7 @@ Takes = Mapping[int, Callable[[bytes], object]]  # by id: what to do with a payl
 
 
 class _Struct(ABC):
-    """What both have in common: payloads that struct packs and unpacks."""
+    """The common part of both: payloads that struct packs and unpacks."""
 
     def stream(self, samples: Iterable[Sample]) -> bytes:
         return b"".join(self.frame(m.id, FORMATS[m.id].pack(*elements(values))) for m, values in samples)

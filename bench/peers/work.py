@@ -38,7 +38,7 @@ class Codec(Protocol):
         """Everything in the stream, with a sequence of values for each field (or element of an array)."""
 
     def flat(self, columns: Any) -> Flat:
-        """What ``columns`` made, in one shape for all."""
+        """Convert ``columns`` to one shape for all."""
 
     def messages(self, stream: bytes) -> int:
         """Every message for itself, every field of it read. How many messages that were."""
@@ -62,7 +62,7 @@ def elements(values: Values) -> Iterable[Any]:
 
 @dataclass(frozen=True)
 class Element:
-    """How a field's element lies on the wire, in the words of Python's struct."""
+    """The layout of a field's element on the wire, in the words of Python's struct."""
 
     field: Field
     code: str
@@ -70,7 +70,7 @@ class Element:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of the field's values, as numpy says it."""
+        """Return the shape of the field's values, as numpy has it."""
         return () if self.field.count is None else (self.count,)
 
 

@@ -342,7 +342,7 @@ def parity_of(line: str) -> Parity:
 
 
 def bytes_heard(data: bytes, sent: tuple[float, Parity], heard: tuple[float, Parity]) -> int:
-    """How many come of these, with the line at rest before and behind them."""
+    """Return how many of these bytes arrive, with the line at rest before and after them."""
     end = b"\xff"  # behind a rest, so that a last byte is complete
     return len(misread(data + end, sent, heard, [len(data)])) - len(misread(end, sent, heard))
 

@@ -37,7 +37,7 @@ def ranked(data: bytes) -> list[Candidate]:
 
 
 def stream(name: str, source: random.Random, end: End | None = None, frames: int = 80, least: int = 3000) -> bytes:
-    """What a device of this format and its host say, with this many bytes replaced."""
+    """Return a conversation of a device of this format with its host, with this many bytes replaced."""
     codec, oracle = loaded(CONTRIB / f"{name}.yaml"), ORACLES[name]
     out = bytearray()
     number = 0

@@ -49,7 +49,7 @@ def frames_of(codec: Codec, sender: End, data: bytes) -> set[tuple[int, bytes]]:
 
 
 def algorithms(codec: Codec) -> set[tuple[int, int, int]]:
-    """What the checks over the payload compute, as far as it shows."""
+    """Return the algorithms of the checks over the payload, as far as frames determine them."""
     found: set[Algorithm] = {
         part.algorithm
         for part in codec.model.format.parts

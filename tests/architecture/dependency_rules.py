@@ -30,7 +30,7 @@ MAY_USE_VENDOR = ("ports/", "firmware/boards/")
 
 @dataclass(frozen=True)
 class Rules:
-    """What docs/DESIGN.md allows."""
+    """The dependencies that docs/DESIGN.md allows."""
 
     cpp: dict[str, tuple[set[str], bool]]  # folder: folders that it may use, and whether any standard header
     python: dict[str, set[str]]  # package: packages that it may use

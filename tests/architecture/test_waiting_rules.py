@@ -1,4 +1,4 @@
-"""What the check of waiting refuses, and what it lets pass."""
+"""The check of waiting refuses the right code, and only that."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ EXCEPTIONS: dict[str, str] = {  # file or file::function, and the reason
 
 
 def problems(name: str, text: str) -> list[str]:
-    """What the file of this name, below tests/, may not contain."""
+    """Return the problems of the file of this name, below tests/."""
     if name in EXCEPTIONS:
         return []
     look = _Look(name)

@@ -151,7 +151,7 @@ def _test(test: MatchTest) -> str:
 
 
 def run(command: list[str]) -> str:
-    """What a program prints. AssertionError with its words when it fails."""
+    """Return the output of a program. AssertionError with its messages if it fails."""
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{' '.join(command)}\nends with {done.returncode}\n{done.stderr}"
     return done.stdout

@@ -1,4 +1,4 @@
-"""What the generated code must make of a message's fields, from what the engine made of them."""
+"""Derives the values that generated code must return for a message's fields from those of the engine."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def violations_in_cpp(message: Message) -> list[str]:
 
 
 def difference(codec: Codec, message: Message, handed: Handed) -> str:
-    """What the generated code made of this frame otherwise than the engine; empty if nothing."""
+    """Return how the generated code's values of this frame differ from the engine's; empty if they do not."""
     expected = violations_in_cpp(message)
     contradicts = any(mark in text for text in expected for mark in UNREADABLE)
     if handed.wrong_count != contradicts:

@@ -37,7 +37,7 @@ class Job:
 
 @dataclass
 class Handed:
-    """What the generated code did with a frame of a message."""
+    """The result of the generated code for a frame of a message."""
 
     rejected: bool = False
     clamped: bool = False

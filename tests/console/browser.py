@@ -154,7 +154,7 @@ class Desk:
         assert self.problems == []
 
     def tell(self) -> None:
-        """What the pages show and what was commanded, for the report of a test that failed."""
+        """Print the state of the pages and the sent commands, for the report of a test that failed."""
         for page in (page for context in self.browser.contexts for page in context.pages):
             with contextlib.suppress(Error):  # it does not show a page of ours
                 print(page.url, page.locator("body").inner_text(timeout=1000), sep="\n")
@@ -227,14 +227,14 @@ def open_page(
 
 @contextmanager
 def real_time(page: Page) -> Iterator[None]:
-    """What the page measures on its own clock takes as long as it does, and it is as impatient as it really is."""
+    """Make durations on the page's own clock real, and the page as impatient as it really is."""
     page.evaluate("globalThis.setPace?.(1)")
     yield
     page.evaluate("globalThis.setPace?.(1 / 60)")
 
 
 def address_of(console: Console, view: str, address: str = "") -> str:
-    """Of this view, with the token. ``address``: of another way to the console."""
+    """Return the address of this view, with the token. ``address``: of another way to the console."""
     fragment = f"#/{view}{'&' if '?' in view else '?&'}token={console.token}"
     return f"{address or console.address.partition('#')[0]}{fragment}"
 
@@ -368,7 +368,7 @@ def close_tabs(browser: Browser) -> None:
 
 
 def serious(page: Page) -> list[str]:
-    """What axe finds that is serious or worse, each as one line."""
+    """Return the findings of axe that are serious or worse, each as one line."""
     page.evaluate(AXE.read_text())
     found = page.evaluate("axe.run(document, {resultTypes: ['violations']}).then((result) => result.violations)")
     return [

@@ -93,8 +93,8 @@ class Desk:
         self.pty.write(self.codec.encode(message, **fields))
 
     def sent(self, wait: float = 0.0) -> list[wirebond.Message]:
-        """What left at the port since the last call: all that the link has accepted by now, and what comes in
-        ``wait`` seconds."""
+        """Return the messages that left at the port since the last call: all that the link has accepted by now, and all
+        that follow within ``wait`` seconds."""
         found: list[wirebond.Message] = []
         for _ in rounds_for(wait):
             found += self._decoder.feed(self.pty.read(0.002), time.monotonic())
@@ -173,7 +173,7 @@ def rover(shared_rover: browsers.Desk) -> Iterator[browsers.Desk]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_teardown(item: pytest.Function) -> None:
-    """What a browser shows at the end of its test is kept, to look at."""
+    """Keep the last picture of each browser when its test ends."""
     browser = item.funcargs.get("browser") or getattr(item.funcargs.get("rover"), "browser", None)
     pages = [] if browser is None else [page for context in browser.contexts for page in context.pages]
     for number, page in enumerate(pages):

@@ -1,4 +1,4 @@
-"""Who may use the console: token, Host and Origin; and what it says to those who may not."""
+"""Access to the console: token, Host and Origin; and the sentences for those that have none."""
 
 from __future__ import annotations
 

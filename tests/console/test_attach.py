@@ -39,7 +39,7 @@ def over_unix(desk: Desk, requests: list[dict[str, Any]]) -> list[dict[str, Any]
 
 
 def over_web(desk: Desk, requests: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The same over a WebSocket."""
+    """Send the same requests over a WebSocket."""
     answers = []
     with desk.web("/attach") as socket:
         for request in requests:

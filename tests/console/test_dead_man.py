@@ -43,7 +43,7 @@ def rover(shared_desk: Desk) -> Iterator[Desk]:
 
 @pytest.fixture
 def beats(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """When the server heard each heartbeat that counts."""
+    """Return the times at which the server received each heartbeat that counts."""
     heard: list[float] = []
     beat = ControlBook.beat
 

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.live
 
 
 class NoRover:
-    """What the drive tells the rover's process."""
+    """A stand-in for the rover's process; keeps the orders of the drive."""
 
     def __init__(self) -> None:
         self.may_step = threading.Event()

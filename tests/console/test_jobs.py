@@ -1,4 +1,4 @@
-"""What takes long on the server is done by a process of its own, within a time and a memory; the views go on."""
+"""Long work of the server runs in its own process, within a time and a memory; the views go on."""
 
 from __future__ import annotations
 

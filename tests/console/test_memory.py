@@ -30,7 +30,7 @@ PAGE_MAY_GROW = 2 << 20  # bytes of live objects
 
 @dataclass
 class Look:
-    """How much memory there is in use at one time."""
+    """The memory in use at one time."""
 
     t: float
     server: int  # bytes, without the history

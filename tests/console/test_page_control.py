@@ -65,7 +65,7 @@ def in_control(page: Page) -> Locator:
 
 
 def second_click(button: Locator) -> None:
-    """What comes second in a double click; its first click was there before the button."""
+    """Send the second click of a double click to a button that was not there at the first."""
     button.hover()
     button.page.mouse.down(click_count=2)
     button.page.mouse.up(click_count=2)

@@ -25,7 +25,7 @@ DIFFDRIVE = PROTOCOLS / "diffdrive.yaml"
 
 @pytest.fixture
 def problems(browser: Browser) -> Iterator[list[str]]:
-    """What pages write as errors: nothing."""
+    """Collect the errors that pages write; there must be none."""
     found: list[str] = []
     yield found
     for context in browser.contexts:

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.live
 
 
 def cut_short(rover: Desk) -> Path:
-    """What is on the disk of a recording that goes on: so it is left by a computer that loses its power."""
+    """Copy the file of a recording in progress, as a computer leaves it that loses its power."""
     recordings = rover.server.recordings
     recordings.start()
     came = rover.link.stats.receive.messages.get("odometry", 0)

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.live
 
 
 class Client:
-    """What a client holds, as docs/console-api.md says."""
+    """The data that a client holds, as docs/console-api.md says."""
 
     def __init__(self, source: Source) -> None:
         self._feed = PlotFeed(Plot("p", ("odometry.left_ticks",), seconds=100.0, pixels=10_000))

@@ -1,4 +1,4 @@
-"""Who has not shown the token to the console: told in a sentence, slowed down, closed, and no burden to the log."""
+"""A client without the console's token gets a sentence, is slowed down and closed, and does not fill the log."""
 
 from __future__ import annotations
 

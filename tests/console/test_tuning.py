@@ -53,7 +53,7 @@ class Tuning:
         return self.page.get_by_role("button", name=name, exact=True)
 
     def figure(self, name: str) -> float:
-        """Of the step test, without its unit."""
+        """Return a figure of the step test, without its unit."""
         figure = self.page.locator(".figures div", has=self.page.get_by_text(name, exact=True)).locator("dd")
         return float(figure.inner_text().replace("\u2212", "-").split()[0])
 
@@ -119,7 +119,7 @@ def swing(link: wirebond.Link, seconds: float) -> float:
 
 
 def text_of(page: Page, button: str) -> str:
-    """Of the file that this button saves."""
+    """Return the text of the file that this button saves."""
     with page.expect_download() as download:
         page.get_by_role("button", name=button, exact=True).click()
     return download.value.path().read_text()

@@ -1,4 +1,4 @@
-"""What an oracle is: another implementation of a format, which writes frames from numbers and reads them back."""
+"""Defines an oracle: another implementation of a format, which writes frames from numbers and reads them back."""
 
 from __future__ import annotations
 
@@ -48,10 +48,11 @@ class Oracle(ABC):
 
     @abstractmethod
     def decode(self, frame: bytes, sender: End) -> Case | None:
-        """What exactly these bytes say; None where the library refuses them, or finds something shorter in them."""
+        """Return the content of exactly these bytes; None if the library refuses them, or finds something shorter in
+        them."""
 
     def reads(self, case: Case) -> bool:
-        """Whether the library can read this message at all."""
+        """Return whether the library can read this message at all."""
         return True
 
 

@@ -1,4 +1,4 @@
-"""What a format's own library says and expects over a port: Wirebond answers it from the other end of a line."""
+"""Dialogues over a port between a format's own library and Wirebond, which answers from the other end of the line."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ def test_lewanlib_sets_a_servo_and_reads_everything_back() -> None:
 
 
 class Memory:
-    """What two servos remember, and what they answer to reading and writing."""
+    """The memory of two servos, and their answers to reading and writing."""
 
     def __init__(self) -> None:
         self.of = {number: bytearray(256) for number in SERVOS}

@@ -172,7 +172,7 @@ def test_balance_bot_stands_once_it_is_tuned_over_the_link() -> None:
 
 
 def events_until(machine: Machine, last: str) -> list[tuple[str, int]]:
-    """What the rover reports, up to the first event of this name, in milliseconds of its own clock."""
+    """Return the rover's reports, up to the first event of this name, in milliseconds of its own clock."""
     events = []
     while not events or events[-1][0] != last:
         name, _, when = machine.line().rpartition(" ")

@@ -28,7 +28,7 @@ def pattern(sender: int, count: int, place: int) -> int:
 
 
 def sender_and_count(message: wirebond.Message) -> tuple[int, int]:
-    """Who sent it as which of its messages. AssertionError where its other fields do not follow from that."""
+    """Return the sender, and the number of its message. AssertionError if the other fields do not agree with them."""
     fields: dict[str, Any] = message.fields
     match message.name:
         case "field_msg":

@@ -303,7 +303,7 @@ class TestWithVirtualMcu:
 
 
 def first_bytes(port: PtyPort) -> bytes:
-    """What comes first, however slowly the program starts."""
+    """Return the first bytes, however slowly the program starts."""
     for _ in moments("bytes at the port"):
         if data := port.read(0.1):
             return data
@@ -311,7 +311,7 @@ def first_bytes(port: PtyPort) -> bytes:
 
 
 def rest_of(process: subprocess.Popen[bytes], port: PtyPort) -> bytes:
-    """What comes until the program has ended."""
+    """Return all bytes until the program has ended."""
     data = b""
     for _ in moments("the end of the program"):
         has_ended = process.poll() is not None
@@ -323,8 +323,8 @@ def rest_of(process: subprocess.Popen[bytes], port: PtyPort) -> bytes:
 
 
 def first_line(process: subprocess.Popen[bytes], port: PtyPort, frame: bytes) -> str:
-    """What the program prints first of messages, of a frame that comes until it listens: what comes before is stale and
-    dropped."""
+    """Return the program's first line about a message, for a frame that is sent until it listens: earlier ones are
+    stale and dropped."""
     assert process.stdout is not None
     os.set_blocking(process.stdout.fileno(), False)
     for _ in moments("a line of the program"):
@@ -342,7 +342,7 @@ def commands(data: bytes) -> list[dict[str, object]]:
 
 
 def first_command(port: PtyPort) -> bytes:
-    """What comes until a command has come: Ctrl-C ends the sending from then on, and not the opening."""
+    """Return the bytes up to a first command: from then on Ctrl-C ends the sending, and not the opening."""
     data = b""
     while not commands(data):
         data += first_bytes(port)

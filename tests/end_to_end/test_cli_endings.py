@@ -1,4 +1,5 @@
-"""How commands end: Ctrl-C at any moment, pipes that close, streams that are closed or full, terminals of odd kinds."""
+"""The ends of commands: Ctrl-C at any moment, pipes that close, streams that are closed or full, terminals of odd
+kinds."""
 
 from __future__ import annotations
 

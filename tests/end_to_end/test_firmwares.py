@@ -50,7 +50,7 @@ def start(tmp_path: Path) -> Callable[[str, str], Any]:
 
 
 def messages(link: wirebond.Link) -> Iterator[wirebond.Message]:
-    """What comes, for as long as it takes."""
+    """Yield the received messages, without a time limit."""
     for _ in moments("the message that the test waits for"):
         yield from link.receive(0.1)
 

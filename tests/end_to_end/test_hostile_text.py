@@ -1,4 +1,4 @@
-"""What a device, a file or a file's name says is shown in a terminal as text: it commands nothing and hides nothing."""
+"""Text from a device, a file or a file's name is shown as text in a terminal: it commands nothing and hides nothing."""
 
 from __future__ import annotations
 

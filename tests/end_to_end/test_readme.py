@@ -1,4 +1,4 @@
-"""What the README has a newcomer type for a robot of one's own works as it stands there."""
+"""The README's commands for a newcomer's own robot work as printed."""
 
 from __future__ import annotations
 

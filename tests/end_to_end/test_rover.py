@@ -61,7 +61,7 @@ def driving_host(port: str) -> Iterator[subprocess.Popen[str]]:
 
 
 def wait_for_event(process: rover.RoverProcess, name: str) -> list[str]:
-    """What the rover reports, up to this."""
+    """Return the rover's reports, up to this one."""
     events: list[str] = []
     wait_until(
         lambda: name in events or events.extend(line.partition(" ")[2] for line in process.events(timeout=0.2)),
@@ -71,7 +71,8 @@ def wait_for_event(process: rover.RoverProcess, name: str) -> list[str]:
 
 
 def watch(port: str, seconds: float) -> list[wirebond.Message]:
-    """What anybody sees who opens the tty and says nothing but status queries: odometry for so long, and a status."""
+    """Return what a program receives that opens the tty and sends only status queries: odometry for so long, and a
+    status."""
     messages = []
     with wirebond.open(DIFFDRIVE, port) as link:
         link.send("status_query")

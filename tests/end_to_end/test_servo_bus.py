@@ -77,7 +77,8 @@ def line(programs: Programs) -> Iterator[Line]:
 
 
 def send(line: Line, *words: str) -> str:
-    """What `wirebond send` prints. Where the machine is too slow for an answer within its second, it is sent again."""
+    """Return the output of `wirebond send`. If the machine is too slow for an answer within a second, it is sent
+    again."""
     command = [str(COMMAND), "send", str(FILE), line.port, *words]
     for _ in moments("an answer"):
         done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)

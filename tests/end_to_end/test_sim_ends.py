@@ -1,4 +1,4 @@
-"""How a simulation ends, and that two of them do not take each other's name."""
+"""The ends of a simulation; and two simulations do not take each other's name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How much of the code under test a target's inputs run: lines, counted by replaying them."""
+"""Measures how many lines of the code under test a target's inputs run, by replaying them."""
 
 from __future__ import annotations
 

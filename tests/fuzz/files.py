@@ -1,4 +1,4 @@
-"""Where the fuzzers' inputs come from and go to."""
+"""The folders of the fuzzers' inputs and results."""
 
 from __future__ import annotations
 

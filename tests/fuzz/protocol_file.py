@@ -1,4 +1,4 @@
-"""What must hold for any text that is taken for a protocol file."""
+"""Verifies the rules that hold for any text that is read as a protocol file."""
 
 from __future__ import annotations
 

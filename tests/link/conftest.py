@@ -1,4 +1,4 @@
-"""What several tests of a link need."""
+"""Fixtures that several tests of a link share."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ class Driver(ABC):
 
     @abstractmethod
     def stats(self) -> dict[str, Any]:
-        """Of sending, and late, held_back, reconnects."""
+        """Return the account of sending, with late, held_back and reconnects."""
 
     # ---- shared
 
@@ -416,7 +416,7 @@ class ThreadDriver(Driver):
 
 
 class PythonDriver(ThreadDriver):
-    """The same where the engine has no ports, as on Windows: pyserial opens the pty."""
+    """Drives a link whose engine has no ports, as on Windows: pyserial opens the pty."""
 
     kind = "python"
 
@@ -450,7 +450,7 @@ class FarEnd:
         return self._data.read_bytes()
 
     def count_at(self, when: float) -> int:
-        """How many bytes had left the wire at this time of ``time.monotonic()``."""
+        """Return how many bytes had left the wire at this time of ``time.monotonic()``."""
         count = 0
         for line in self._times.read_text().splitlines():
             at, total = line.split()

@@ -77,7 +77,7 @@ class Line:
         return int(call(self.codec.tables.indices[name], frame, *more, reply, self.now, True, address))
 
     def run(self, microseconds: int) -> list[tuple[str, int, dict[str, Any]]]:
-        """What left meanwhile: message, address, values."""
+        """Return what left in this time: message, address, values."""
         left: list[tuple[str, int, dict[str, Any]]] = []
         for _ in range(microseconds // 1000):
             self.core.poll(self.now)
@@ -88,7 +88,7 @@ class Line:
         return left
 
     def hear(self, name: str, *, header: dict[str, Any] | None = None, **values: Any) -> list[str]:
-        """What the program gets of a frame of the MCU."""
+        """Give the link a frame of the MCU; return the messages that the program gets, by name."""
         self.core.received(self.codec.encode(name, values, header=header, sender=End.MCU), self.now, self.now)
         return [message.name for message in self.core.receive()]
 
@@ -332,7 +332,7 @@ def test_an_open_link_repeats_for_each_servo_and_stops_each() -> None:
 
 
 def heard(codec: Codec, port: PtyPort, seconds: float = 0.0) -> list[Message]:
-    """What the link wrote: for this long, or until a frame is there."""
+    """Return the messages that the link wrote: for this long, or until a frame is there."""
     decoder = codec.decoder("host")
     found: list[Message] = []
     for _ in rounds_for(seconds) if seconds else moments("a frame"):

@@ -1,5 +1,5 @@
-"""What a host's link does: stop, leases, deadlines, account, reconnecting. Each test runs on the core under virtual
-time, and over a pty on the engine's thread and on threads in Python."""
+"""The behaviour of a host's link: stop, leases, deadlines, account, reconnecting. Each test runs on the core under
+virtual time, and over a pty on the engine's thread and on threads in Python."""
 
 from __future__ import annotations
 

@@ -83,7 +83,7 @@ def test_a_deadline_that_strikes_and_ends_while_a_handler_works_is_seen() -> Non
 
 
 def _wakes(name: str) -> int:
-    """How often the threads of this name have gone to sleep."""
+    """Return how often the threads of this name have gone to sleep."""
     wakes = 0
     for task in Path("/proc/self/task").iterdir():
         thread = next((t for t in threading.enumerate() if str(t.native_id) == task.name), None)

@@ -35,7 +35,7 @@ class Wire:
         return sync.feed(t, self.mcu_us(there), self.mcu_us(gone), gone + self.one_way() + late)
 
     def error(self, sync: ClockSync, t: float) -> float:
-        """How wrong the answer for a stamp of now is; it is verified against the bound."""
+        """Return the error of the answer for a stamp of now; it is verified against the bound."""
         answer = sync.to_host(self.mcu_us(t), t + self.one_way())
         assert abs(answer.t - t) <= answer.error, (answer, t)
         return abs(answer.t - t)

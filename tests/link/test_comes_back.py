@@ -215,7 +215,7 @@ def test_a_device_that_appears_at_the_worst_moment_is_noticed(
 
 
 def descriptors_of(path: str) -> int:
-    """How many descriptors of this process lead to it."""
+    """Return how many descriptors of this process lead to it."""
     found = 0
     for descriptor in Path("/proc/self/fd").iterdir():
         with contextlib.suppress(OSError):  # it was closed meanwhile

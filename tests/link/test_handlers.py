@@ -1,4 +1,4 @@
-"""What a program does with received messages beside taking them: the newest, handlers, deadlines that call."""
+"""Handlers of received messages, the newest message, and deadlines that call."""
 
 from __future__ import annotations
 

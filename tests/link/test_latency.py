@@ -1,4 +1,4 @@
-"""What a measurement of latency counts where the peer is slow, silent, wrong, or goes away."""
+"""A measurement of latency counts correctly if the peer is slow, silent, wrong, or goes away."""
 
 from __future__ import annotations
 

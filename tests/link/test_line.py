@@ -1,4 +1,4 @@
-"""What a link says of the settings of its line: what its driver made of them."""
+"""A link reports the settings of its line: those that its driver has set."""
 
 from __future__ import annotations
 

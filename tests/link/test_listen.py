@@ -27,7 +27,7 @@ ODOMETRY = ROVER.encode("odometry", left_ticks=1, right_ticks=2)
 
 @pytest.fixture
 def taps() -> Iterator[tuple[PtyPort, PtyPort]]:
-    """What the host sends, and what the MCU sends."""
+    """Yield the port of the host's bytes and that of the MCU's."""
     ports = PtyPort(), PtyPort()
     yield ports
     for port in ports:

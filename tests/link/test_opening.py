@@ -1,4 +1,4 @@
-"""How a link finds its port: at the start, after the port went away, and what it says meanwhile."""
+"""A link finds its port: at the start, after the port went away; and its reports until then."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How much lies in the port's driver: counted at the far end of a wire that carries a byte each byte time."""
+"""The number of bytes in the port's driver, counted at the far end of a wire that carries a byte each byte time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FRAME = {"drive": 10, "note": 111}
 
 
 def bytes_before_the_stop(data: bytes, mark: int, stop: bytes) -> int:
-    """How many bytes of the wire passed between the stop's call, when `mark` had passed, and its first byte."""
+    """Return how many bytes of the wire passed between the stop's call, when `mark` had passed, and its first byte."""
     return data.index(stop, mark) - mark
 
 

@@ -1,4 +1,4 @@
-"""What a link knows of its peer: it says hello at each connect, hears a restart, and tells another hash once."""
+"""A link knows its peer: it says hello at each connect, notices a restart, and reports another hash once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a program ends, and what its robot gets: real processes, looked at from the far end of their pty."""
+"""The end of a program, and the bytes that its robot gets: real processes, observed from the far end of their pty."""
 
 from __future__ import annotations
 
@@ -223,7 +223,7 @@ def test_the_safe_value_leaves_when_a_link_is_collected(port: PtyPort, way: str)
 
 
 def test_a_kill_sends_nothing_more(port: PtyPort) -> None:
-    """What the guide says of it: the MCU's deadline guards then."""
+    """As the guide says: from then on the MCU's deadline protects."""
     program = Program(port, BEGIN + "time.sleep(60)\n")
     program.wait_for("ready")
     program.signal(signal.SIGKILL)
@@ -412,7 +412,7 @@ def descriptors_of(path: str) -> set[int]:
 
 @pytest.mark.usefixtures("ports")
 def test_a_child_that_has_not_begun_yet_does_not_keep_the_port_either(port: PtyPort) -> None:
-    """What it has is a copy of each descriptor."""
+    """Such a child has only a copy of each descriptor."""
     before = descriptors_of(port.path)
     link = wirebond.open(manipulator(), port.path)
     (descriptor,) = descriptors_of(port.path) - before

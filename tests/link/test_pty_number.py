@@ -56,7 +56,7 @@ def test_a_strangers_terminal_under_the_same_number_is_left_alone(by_link: bool,
 
 @pytest.mark.parametrize("ports", ["python"], indirect=True)
 def test_a_number_that_is_given_away_after_the_look_is_a_strangers_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of the ports in Python, where the moment between the look and the opening can be met."""
+    """Tests the ports in Python, where the moment between the examination and the opening can be chosen."""
     look = PtyNumber.is_a_strangers
     for _ in moments("the number is given away before the look each time, by other programs"):
         terminals: list[int] = []

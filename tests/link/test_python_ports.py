@@ -1,4 +1,4 @@
-"""What goes wrong at a port that pyserial opens, below what all links have in common."""
+"""Faults of a port that pyserial opens, below the common part of all links."""
 
 from __future__ import annotations
 

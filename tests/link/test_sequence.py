@@ -55,7 +55,7 @@ def codec_of(frame: str, per: str = "sender") -> wirebond.Codec:
 
 
 def numbers(codec: wirebond.Codec, data: bytes) -> list[tuple[str, int]]:
-    """Of every frame in these bytes, which must be frames and nothing else."""
+    """Return the numbers of all frames in these bytes, which must be frames and nothing else."""
     decoder = codec.decoder("host")
     found = [(m.name, m.header["sequence"]) for m in decoder.feed(data)]
     assert sum(decoder.stats.discarded_bytes.values()) == 0

@@ -22,7 +22,7 @@ TRACED = tuple(module.__file__ for module in (handlers, inbox, receiving, reques
 
 
 class AlarmError(Exception):
-    """What the signal's handler raises."""
+    """Raised by the signal's handler."""
 
 
 class Alarm:

@@ -1,5 +1,5 @@
-"""Where silence ends a frame: the host keeps the pause between its frames, and takes frames that come close together,
-also from a port that may hold bytes back. Under virtual time, and over a pty."""
+"""If silence ends a frame, the host keeps the pause between its frames. It accepts frames that arrive close together,
+also from a port that may hold back bytes. Under virtual time, and over a pty."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def quiet(more: str = "") -> wirebond.Codec:
 
 
 def decoded(codec: wirebond.Codec, arrivals: list[tuple[float, bytes]]) -> list[int]:
-    """What the other end makes of bytes and their times; nothing of it is thrown away."""
+    """Return the messages that the other end decodes from bytes and their times; none may be discarded."""
     decoder = codec.decoder("host")
     found = []
     for t, data in arrivals:

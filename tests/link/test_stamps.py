@@ -79,7 +79,7 @@ def states(link: wirebond.Link, number: int, since: float = 0.0) -> list[wirebon
 
 
 def untrue(mcu: Mcu, found: list[wirebond.Message]) -> list[tuple[float, float | None]]:
-    """How far stamps are off that are further off than they say, and what they say."""
+    """Return the stamps whose error exceeds their own bound, with error and bound."""
     off = [(abs((m.stamp or 0) - mcu.true(m["measured"])), m.stamp_error) for m in found]
     return [(by, error) for by, error in off if not 0 <= by <= (error or 0)]
 
@@ -130,7 +130,7 @@ def test_a_recording_has_them_in_messages_columns_and_exports(mcu: Mcu, tmp_path
 
 
 def recorded_stamps(file: Path, near: float) -> list[float]:
-    """How long before it came each message with a stamp was measured."""
+    """Return how long before its arrival each message with a stamp was measured."""
     states = (m for m in wirebond.recording.open(file).messages("mcu") if m.name == "state" and m.t >= near)
     return [m.t - m.stamp for m in states if m.stamp is not None]
 

@@ -177,7 +177,7 @@ def test_a_server_that_is_not_there_or_is_in_use_is_told() -> None:
 
 
 class Uart:
-    """What pyserial's own server asks of a serial port; this one runs at 9600 baud and no other rate."""
+    """A serial port for pyserial's own server; this one runs at 9600 baud and no other rate."""
 
     bytesize, parity, stopbits = 8, "N", 1
     cts = dsr = ri = cd = dtr = rts = False

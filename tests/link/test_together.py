@@ -25,7 +25,7 @@ def make_core(codec: Codec, baud: int) -> _engine.LinkCore:
 
 
 def carry(core: _engine.LinkCore, room: int, now: int, together: bool) -> tuple[bytes, int]:
-    """What a port with this much room takes, and by how many writes."""
+    """Return the bytes that a port with this much room accepts, and the number of writes."""
     taken, writes = b"", 0
     while data := core.to_write(now, together):
         writes += 1

@@ -141,7 +141,7 @@ def rover(diffdrive_page: Path, tmp_path: Path, browser: Browser) -> Iterator[Ro
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_teardown(item: pytest.Function) -> None:
-    """What a browser shows at the end of its test is kept, to look at."""
+    """Keep the last picture of each browser when its test ends."""
     started = item.funcargs.get("browser")
     pages = [] if started is None else [page for context in started.contexts for page in context.pages]
     for number, page in enumerate(pages):

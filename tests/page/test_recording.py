@@ -1,4 +1,4 @@
-"""What a page records, Wirebond reads; what the page shows of it is what Wirebond finds in the same bytes."""
+"""Wirebond reads the recordings of a page; and the page shows the values that Wirebond finds in the same bytes."""
 
 from __future__ import annotations
 

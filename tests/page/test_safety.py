@@ -1,4 +1,4 @@
-"""What leaves the port when a page stalls, and that the emergency stop leaves first."""
+"""A page that stalls sends nothing old, and the emergency stop leaves first."""
 
 from __future__ import annotations
 

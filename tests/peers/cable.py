@@ -1,4 +1,4 @@
-"""What stands between Wirebond and a real program on one machine: ptys, a cable, a device as a process."""
+"""Connects Wirebond and a real program on one machine: ptys, a cable, a device as a process."""
 
 from __future__ import annotations
 

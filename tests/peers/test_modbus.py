@@ -54,7 +54,7 @@ def test_pymodbus_reads_and_writes_the_registers_of_a_firmware(slave: str) -> No
 
 
 def asked_again(ask: Callable[[], T]) -> T:
-    """What the device says. It has no answer for requests that came while it was held up: they became one frame."""
+    """Return the device's answer. It does not answer requests that came while it was held up: they became one frame."""
     for _ in moments("an answer of the device"):
         try:
             return ask()
@@ -104,7 +104,7 @@ def test_minimalmodbus_reads_and_writes_the_registers_of_a_firmware(slave: str) 
 
 @pytest.fixture(scope="module", params=["rtu", "ascii"])
 def simulated(request: pytest.FixtureRequest) -> Iterator[tuple[str, str]]:
-    """What `wirebond sim` opens for the device with the address 1, and the form of its frames."""
+    """Yield the port of `wirebond sim` for the device with the address 1, and the form of its frames."""
     file = CONTRIB / f"modbus_{request.param}.yaml"
     command = [sys.executable, "-m", "wirebond.cli.main", "sim", str(file), "--address", "1"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:

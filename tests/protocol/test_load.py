@@ -1,4 +1,4 @@
-"""What a good protocol file becomes."""
+"""A good protocol file is loaded correctly."""
 
 from fractions import Fraction
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What the tables of wrong files are tried with: in them `@` marks the place that the error must name."""
+"""The bases for the tables of wrong files: in them `@` marks the place that the error must name."""
 
 import pytest
 

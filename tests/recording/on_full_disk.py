@@ -1,5 +1,5 @@
-"""What recordings do on a disk that is full. Run in a mount namespace of its own, in which a file system of 256 KiB is
-mounted at the folder that is named; prints the name of each case that held."""
+"""Records on a disk that is full. Run in a mount namespace of its own, in which a file system of 256 KiB is mounted at
+the given folder; prints the name of each case that held."""
 
 from __future__ import annotations
 

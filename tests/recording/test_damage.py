@@ -148,7 +148,7 @@ def rows(found: recordings.Recording) -> list[Row]:
 
 
 def chunks_of(data: bytes) -> list[int]:
-    """Where each chunk begins."""
+    """Return the position of each chunk."""
     at, found = len(MAGIC), []
     while True:
         opcode, length = HEAD.unpack_from(data, at)

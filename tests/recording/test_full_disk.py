@@ -19,7 +19,7 @@ MOUNT = 'mount -t tmpfs -o size=256k none "$0" && exec "$@"'
 
 
 def namespace() -> list[str] | None:
-    """What runs a command that may mount."""
+    """Return a command that runs another one with the right to mount."""
     for options in (["--mount", "--map-root-user"], ["--mount"]):
         command = ["unshare", *options]
         try:

@@ -1,4 +1,5 @@
-"""What a link did comes out of its recording: bytes, messages, times, events; also through the public MCAP reader."""
+"""A recording returns everything that the link did: bytes, messages, times, events; also through the public MCAP
+reader."""
 
 from __future__ import annotations
 

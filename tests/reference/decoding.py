@@ -1,4 +1,4 @@
-"""What a whole stream holds, by `explain`: slow, in one piece, without the engine's plan, tables or state."""
+"""Decodes a whole stream with `explain`: slow, in one piece, without the engine's plan, tables or state."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def decode(protocol: Protocol, stream: bytes, sender: End | None = None, request
 
 
 def decode_blocks(protocol: Protocol, blocks: Iterable[bytes], sender: End | None = None) -> Result:
-    """Where silence ends a frame: what lies between the silences, one by one."""
+    """Decode a format whose frames end by silence: the bytes between silences, one block at a time."""
     total = Result()
     begin = 0
     for block in blocks:

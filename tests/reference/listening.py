@@ -1,4 +1,5 @@
-"""What an end makes of intact frames: which are for another address, and how many are missing by their numbers."""
+"""Derives the view of an end from intact frames: which are for another address, and how many are missing by their
+numbers."""
 
 from __future__ import annotations
 
@@ -49,8 +50,8 @@ def addressees(protocol: Protocol, frames: Iterable[Frame], sender: End, own: ob
 
 
 def sequence_of(protocol: Protocol, frames: Iterable[Frame], sender: End | None, peers: int) -> Sequence | None:
-    """What these frames' numbers tell, where an end remembers this many ``peers``: those heard last. None:
-    frames have no number, or two senders mix theirs."""
+    """Derive the sequence account from these frames' numbers, at an end that remembers this many ``peers``: the last
+    ones. None: frames have no number, or two senders mix theirs."""
     number = next((described for described in _fields(protocol) if described.is_sequence), None)
     owner = _field_with(protocol, Address.SENDER, Address.MCU if sender == End.MCU else None)
     if number is None or (sender is None and owner is None):

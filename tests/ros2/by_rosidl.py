@@ -1,4 +1,4 @@
-"""What rosidl, the generator of ROS 2 itself, makes of a package of messages. Runs where its modules are found.
+"""Runs rosidl, the generator of ROS 2 itself, on a package of messages. Runs where its modules are found.
 
 Prints an object: for each message type its hash, and the names of its fields.
 

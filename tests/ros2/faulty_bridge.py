@@ -25,7 +25,7 @@ def fail_in_a_timer(node: Any, _: Any) -> None:
 
 
 class FullDisk(io.StringIO):
-    """Where nothing more can be written."""
+    """A disk that accepts no more bytes."""
 
     def write(self, _: str) -> int:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

@@ -1,4 +1,4 @@
-"""Where the tests find a real rclpy: that of a sourced ROS 2, or the wheels that `make build/rclpy.stamp` installs."""
+"""Finds a real rclpy for the tests: that of a sourced ROS 2, or the wheels that `make build/rclpy.stamp` installs."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def build_environment() -> dict[str, str]:
 
 
 def with_package(environment: dict[str, str], prefix: Path) -> dict[str, str]:
-    """The same with a package that was installed there."""
+    """Return the environment with a package that was installed there."""
     site = prefix / _SITE.relative_to(_WHEELS.parent)
     return environment | {
         name: os.pathsep.join(filter(None, [str(path), environment.get(name, "")]))

@@ -61,7 +61,7 @@ class Bench:
         self.line.write(ROVER.encode(message, fields))
 
     def heard(self) -> list[wirebond.Message]:
-        """What the MCU has heard since the last call."""
+        """Return the messages that the MCU has received since the last call."""
         found = self._came + self._heard.feed(self.line.read(0.05), t=0.0)
         self._came = []
         return found

@@ -118,7 +118,7 @@ def test_numbers_lie_where_they_are_said_to_lie(name: str) -> None:
 
 
 def numbers(type_: RosType, values: dict[str, Any], path: tuple[Any, ...]) -> list[tuple[Any, ...]]:
-    """Where the message has numbers."""
+    """Return the numbers in the message, each by its path."""
     found = []
     for field in type_.fields:
         value, steps = values[field.name], (*path, field.name)

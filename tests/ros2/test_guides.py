@@ -1,4 +1,4 @@
-"""What the guides of docs/ promise: the parts of their examples fit each other."""
+"""The promises of the guides in docs/ hold: the parts of their examples fit each other."""
 
 from __future__ import annotations
 

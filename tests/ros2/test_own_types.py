@@ -29,7 +29,7 @@ FLOAT32 = 1e-6  # relative
 
 
 def received(codec: Codec, name: str, values: dict[str, Any]) -> Message | None:
-    """What the other end gets; None: only a request would tell what these bytes are."""
+    """Return the message at the other end; None: only a request could identify these bytes."""
     sender = "mcu" if codec.model.message(name).sent_by(End.MCU) else "host"
     decoder = codec.decoder(sender=sender)
     try:

@@ -16,7 +16,7 @@ class Clock:
 
 
 def looks(clock: Clock, pace: Pace, every: float, seconds: float) -> int:
-    """How often a thread looks that finds a message each ``every`` seconds, and all that came since."""
+    """Return how often a thread looks that finds a message each ``every`` seconds, and all that came since."""
     count, end, next_message = 0, clock.now + seconds, clock.now + every
     while clock.now < end:
         pace.wait()

@@ -127,7 +127,7 @@ def drawn_source(message: Any, type_: RosType, target: str, given: list[str], dr
 
 
 def fills(topic: Outgoing, message: Message, stamp_ns: int) -> bytes | None:
-    """What the filler gives; None where it raises."""
+    """Return the filler's bytes; None if it raises."""
     stamp = {"sec": stamp_ns // 10**9, "nanosec": stamp_ns % 10**9}
     try:
         return encode(topic.type, topic.fill(message.fields, stamp))
@@ -136,7 +136,7 @@ def fills(topic: Outgoing, message: Message, stamp_ns: int) -> bytes | None:
 
 
 def compare(codec: Codec, messages: list[Message], draw: random.Random) -> int:
-    """How many were packed by the engine."""
+    """Return how many messages the engine packed."""
     packed = 0
     for topic in drawn_mappings(codec, draw):
         packer = None if topic.plan is None else _engine.CdrPacker.make(codec.tables.protocol, topic.plan)

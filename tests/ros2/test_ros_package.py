@@ -32,7 +32,7 @@ NAMES = [
 
 @pytest.fixture(scope="module")
 def outcomes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
-    """Of each case: why it failed, for each of its parameters; empty: it passed."""
+    """Return why each case failed, for each of its parameters; empty: it passed."""
     report = tmp_path_factory.mktemp("cases") / "report.xml"
     environment = rclpy_environment() | {"ROS_DOMAIN_ID": str(own_domain())}
     environment["PYTHONPATH"] += f"{os.pathsep}{ROOT}"

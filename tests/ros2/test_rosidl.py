@@ -26,7 +26,7 @@ ALL = sorted({*PROTOCOLS.glob("*.yaml"), *GENERATED.glob("every_*.yaml")} - set(
 
 
 def share_folder() -> Path:
-    """Where the types of ROS are described: of a sourced ROS 2, or of the wheels."""
+    """Return the folder that describes the types of ROS: of a sourced ROS 2, or of the wheels."""
     roots = [Path(one) for one in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if one]
     for root in [*roots, ROOT / "build" / "rclpy"]:
         if (root / "share" / "std_msgs" / "msg" / "Header.json").is_file():

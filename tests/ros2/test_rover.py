@@ -159,7 +159,7 @@ def served(
 
 @pytest.fixture(scope="module")
 def topics(adapter: str) -> dict[str, str]:
-    """What the bridge publishes."""
+    """Return the bridge's topics."""
     return {topic: name for topic, name in TOPICS.items() if adapter == "dds" or topic not in DDS_ONLY}
 
 
@@ -197,7 +197,8 @@ def take_control(peer: Peer) -> None:
 
 
 def end_stall(peer: Peer) -> None:
-    """What an operator does once the machine, the rover in it, has stood still: take control, end the safe mode."""
+    """Do what an operator does after the machine, with the rover in it, has stood still: take control, end the safe
+    mode."""
     take_control(peer)
     peer.publish("/diffdrive/parameter/send", message("std_msgs/String", '{"name": "clear_safe_mode", "value": 0}'))
 
@@ -277,7 +278,7 @@ def pose_of_body(robot: rover.RoverProcess) -> list[float]:
 
 def test_ros_sees_a_node_with_its_topics_and_the_hashes_of_their_types(peer: Peer, topics: dict[str, str]) -> None:
     def of_the_bridge() -> list[Any]:
-        """What it said; ROS forgets the bridges that tests have killed only after a while."""
+        """Return the bridge's log; ROS forgets the bridges that tests have killed only after a while."""
         told = [one for one in peer.seen["discovery"] if len(one.node_entities_info_seq) == 1]
         nodes = [(one.node_entities_info_seq[0], bytes(one.gid.data)) for one in told]
         return [one for one in nodes if (one[0].node_namespace, one[0].node_name) == ("/", "diffdrive")]
@@ -491,7 +492,7 @@ def test_square_driven_by_topic_has_the_pose_of_the_body(driving: Peer, robot: r
 
 
 def seen_from(start: tuple[float, float, float], end: Any) -> tuple[float, float, float]:
-    """Where something is, from where it began."""
+    """Return the place of something relative to its start."""
     if not isinstance(end, list):
         end = [end.position.x, end.position.y, heading(end.orientation)]
     x, y = end[0] - start[0], end[1] - start[1]

@@ -1,4 +1,4 @@
-"""What takes a topic's messages: quickly where it can, and in the order in which they came."""
+"""The receiver of a topic's messages: quick where it can be, and in the order of arrival."""
 
 from __future__ import annotations
 

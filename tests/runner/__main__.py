@@ -59,7 +59,7 @@ def pytest(*arguments: str, may_be_empty: bool = False) -> list[Result]:
 
 @dataclass
 class Verdicts:
-    """Of the timed tests that failed at first."""
+    """The verdicts on the timed tests that failed at first."""
 
     failed: list[str] = field(default_factory=list)
     calm: list[str] = field(default_factory=list)  # they passed when they were repeated
@@ -67,7 +67,7 @@ class Verdicts:
 
 
 def judge(first: Result, repeat: Callable[[str], Result], verdicts: Verdicts) -> None:
-    """What a timed test that failed shows. ``repeat`` runs it alone."""
+    """Judge a timed test that failed. ``repeat`` runs it alone."""
     stalls: list[float] = []
     result = first
     while not result.has_passed:

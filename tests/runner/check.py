@@ -1,4 +1,4 @@
-"""What an engineer runs after each edit: lints what changed and runs the pure tests that the change can reach.
+"""The check after each edit: lints the changes and runs the pure tests that they can reach.
 
     python -m tests.runner.check [--since COMMIT] [--workers N]
 

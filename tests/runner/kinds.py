@@ -36,7 +36,7 @@ TOLERANCE = "tolerance"
 
 
 class _Pure:
-    """What the pure test that runs now did and must not."""
+    """The forbidden acts of the pure test that runs now."""
 
     test: pytest.Item | None = None
     done: ClassVar[list[str]] = []

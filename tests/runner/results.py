@@ -19,7 +19,7 @@ EVERY = 15.0  # seconds between two lines of progress
 
 @dataclass
 class Result:
-    """Of one test. Times in seconds."""
+    """The result of one test. Times in seconds."""
 
     name: str
     has_passed: bool = True  # or was skipped
@@ -50,7 +50,7 @@ def write_results(path: Path, results: list[Result]) -> None:
 
 
 def of_last_run(path: Path) -> Path:
-    """Where the runner keeps the results of the run before."""
+    """Return the path of the results of the last run."""
     return path.with_suffix(".before.json")
 
 
@@ -76,7 +76,7 @@ class TimeLeft:
 
 
 class Watch:
-    """Of the process that collects all results."""
+    """Watches the process that collects all results."""
 
     def __init__(self, path: Path, terminal: Any) -> None:
         self._path, self._terminal = path, terminal
@@ -114,7 +114,7 @@ class Watch:
                 self._tell_progress()
 
     def pytest_sessionfinish(self) -> None:
-        """Of an interrupted run the tests under way are left out: they have neither passed nor failed."""
+        """Leave out the tests under way in an interrupted run: they have neither passed nor failed."""
         ended = set(self._finished)
         write_results(self._path, [one for one in self._tests.values() if one.name in ended or not one.has_passed])
 

@@ -48,7 +48,7 @@ class Meter:
 
 
 class Waits:
-    """How long each thread below a process has waited for a processor, and each processor for its hypervisor."""
+    """The time that each thread below a process has waited for a processor, and each processor for its hypervisor."""
 
     def __init__(self, root: int) -> None:
         self._root = root

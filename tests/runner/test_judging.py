@@ -1,4 +1,4 @@
-"""How the run judges a timed test that failed."""
+"""The run's judgement of a timed test that failed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def result(has_passed: bool, stall: float) -> Result:
 
 
 def verdicts_of(*results: Result) -> tuple[Verdicts, int]:
-    """What the test that gave these, one after the other, shows, and how many were used."""
+    """Return the verdicts on a test with these outcomes, one after the other, and how many outcomes were used."""
     left, found = list(results), Verdicts()
     judge(left.pop(0), lambda _: left.pop(0), found)
     return found, len(results) - len(left)

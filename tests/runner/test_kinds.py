@@ -21,7 +21,7 @@ pytestmark = pytest.mark.live
 
 
 def run(folder: Path, text: str) -> tuple[str, list[dict[str, object]]]:
-    """What pytest printed about this file, and the results."""
+    """Return the output of pytest for this file, and the results."""
     head = "import os, socket, subprocess, sys, time\nimport pytest\n\n"
     (folder / "test_it.py").write_text(head + textwrap.dedent(text))
     options = ["-o", "addopts=", "-o", "testpaths=", "-q", "-c", str(ROOT / "pyproject.toml"), "--rootdir", str(folder)]

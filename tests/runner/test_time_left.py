@@ -1,4 +1,4 @@
-"""What a run says about the time that it has left."""
+"""The messages of a run about its remaining time."""
 
 from __future__ import annotations
 

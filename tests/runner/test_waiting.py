@@ -1,4 +1,4 @@
-"""What a wait in vain says."""
+"""The report of a wait in vain."""
 
 from __future__ import annotations
 

@@ -37,8 +37,8 @@ class Served:
         return wirebond.open(self.codec, self.address)
 
     def sent(self, wait: float = 0.0) -> list[wirebond.Message]:
-        """What left at the port since the last call: all that the link has accepted by now, and what comes in
-        ``wait`` seconds."""
+        """Return the messages that left at the port since the last call: all that the link has accepted by now, and all
+        that follow within ``wait`` seconds."""
         found: list[wirebond.Message] = []
         for _ in rounds_for(wait):
             found += self._decoder.feed(self.pty.read(0.005))
@@ -50,7 +50,7 @@ class Served:
         raise AssertionError
 
     def sent_until(self, holds: Callable[[list[wirebond.Message]], object]) -> list[wirebond.Message]:
-        """What left at the port since the last call, until it is as wanted."""
+        """Return the messages that left at the port since the last call, until they are as wanted."""
         found: list[wirebond.Message] = []
         wait_until(lambda: holds(found) or found.extend(self.sent()), lambda: f"what is wanted; {found} left")
         return found

@@ -1,4 +1,5 @@
-"""What goes wrong around a server: it is killed, its place is taken or cannot be written, clients ask for too much."""
+"""Attacks and accidents around a server: it is killed, its place is taken or cannot be written, clients ask for too
+much."""
 
 from __future__ import annotations
 

@@ -548,7 +548,7 @@ def test_two_programs_tune_parameters_at_once_and_get_their_own_answers(tmp_path
 
 
 def test_a_command_cannot_be_sent_under_another_name(served: Served) -> None:
-    """Who is not in control cannot move the robot by saying that its frame is a harmless one."""
+    """A client without control cannot move the robot by giving its frame a harmless name."""
     with served.attach() as driver, json_client(served) as other:
         driver.send("velocity", linear=0.5, angular=0.0)
         frame = served.codec.encode("velocity", linear=1.0, angular=0.0)

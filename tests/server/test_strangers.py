@@ -124,7 +124,7 @@ def test_idle_connections_keep_no_program_out(served: Served) -> None:
 
 @pytest.fixture
 def guessable(served: Served) -> Iterator[Served]:
-    """The same link, served with a token that could be guessed."""
+    """Serve the same link with a token that could be guessed."""
     with Server(served.link, tcp=("127.0.0.1", 0), token="robot") as server:
         yield dataclasses.replace(served, server=server)
 

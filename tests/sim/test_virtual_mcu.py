@@ -17,7 +17,7 @@ VELOCITY = CODEC.encode("velocity", linear=0.5, angular=0.0)
 
 
 def run(mcu: VirtualMcu, begin: float, end: float) -> list[str]:
-    """What it tells meanwhile, polled every 10 ms."""
+    """Return the MCU's reports, polled every 10 ms."""
     for step in range(round((end - begin) * 100)):
         mcu.tick(begin + step / 100)
     told = [event for event in mcu.events if "velocity" in event]

@@ -41,7 +41,7 @@ class Module:
         self._process.stdout.close()
 
     def raw(self, name: str, *args: float, data: bytes = b"") -> tuple[Any, bytes]:
-        """What a function returns, and the bytes that it may point to."""
+        """Return the result of a function, and the bytes that it may point to."""
         head = json.dumps({"name": name, "args": args}).encode()
         assert self._process.stdin is not None and self._process.stdout is not None
         self._process.stdin.write(_SIZES.pack(len(head), len(data)) + head + data)

@@ -95,7 +95,7 @@ class Pair:
         assert same(self.module.call("receive", data=self.all_messages), native)
 
     def write(self, room: int, now: int) -> bytes:
-        """What leaves of this much room; also when the link wants to be called again."""
+        """Return the bytes that leave with this much room, and when the link wants to be called again."""
         self.core.poll(now)
         self.raw("poll", now)
         taken = b""
@@ -120,7 +120,7 @@ class Pair:
 
 
 def frames_of(protocol: Codec, source: random.Random) -> bytes:
-    """What an MCU sends, sometimes damaged."""
+    """Return the frames of an MCU, sometimes damaged."""
     messages = [message for message in protocol.model.messages if message.sent_by(End.MCU)]
     out = b""
     for message in source.choices(messages, k=source.randrange(4)):

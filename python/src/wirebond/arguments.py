@@ -25,7 +25,7 @@ def shown(value: object, length: int = 80) -> str:
 
 
 def path(name: str, value: str | os.PathLike[str], expected: str) -> str | os.PathLike[str]:
-    """A path, or a name that is written as one.
+    """Return a path, or a name that is written as one.
 
     :raises UsageError: it is something else.
     """
@@ -35,7 +35,7 @@ def path(name: str, value: str | os.PathLike[str], expected: str) -> str | os.Pa
 
 
 def real(name: str, value: object, expected: str) -> float:
-    """A number of any kind that Python and numpy have.
+    """Return a number of any kind that Python and numpy have.
 
     :param name: of the argument.
     :param expected: what it should be, for the sentence.
@@ -50,7 +50,7 @@ def real(name: str, value: object, expected: str) -> float:
 
 
 def whole(name: str, value: object, least: int, greatest: int, unit: str) -> int:
-    """A whole number within bounds.
+    """Return a whole number within bounds.
 
     :raises UsageError: it is none, or out of its bounds.
     """

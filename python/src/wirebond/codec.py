@@ -262,7 +262,7 @@ class Table:
             return False
 
     def _element(self, name: str) -> Column:
-        """The column of one element of an array, such as ``gains[1]``.
+        """Return the column of one element of an array, such as ``gains[1]``.
 
         :raises KeyError: there is no such element.
         """
@@ -285,11 +285,11 @@ class Table:
         return True
 
     def keys(self) -> KeysView[str]:
-        """:returns: the names of the columns."""
+        """Return the names of the columns."""
         return self.fields.keys()
 
     def items(self) -> ItemsView[str, Column]:
-        """:returns: name and column of each."""
+        """Return the name and the column of each."""
         return self.fields.items()
 
     @property
@@ -414,7 +414,7 @@ class Codec:
         return End(sender)
 
     def decoder(self, sender: str | None = None) -> Decoder:
-        """A decoder for the bytes of one end.
+        """Return a decoder for the bytes of one end.
 
         :param sender: whose bytes these are, ``"mcu"`` or ``"host"``; None: of both, where their ids differ.
         :returns: a decoder that has seen no byte yet.
@@ -433,8 +433,8 @@ class Codec:
         threads: int | None = None,
         progress: Callable[[int, int], object] | None = None,
     ) -> Columns:
-        """A whole capture at once, without a Python object for each message. The capture's end settles an incomplete
-        frame. Other threads of Python run meanwhile; Ctrl-C ends the call.
+        """Decode a whole capture at once, without a Python object for each message. The capture's end settles an
+        incomplete frame. Other threads of Python run meanwhile; Ctrl-C ends the call.
 
         :param capture: the bytes; any buffer, which must not change meanwhile.
         :param sender: as for ``decoder``.
@@ -485,7 +485,7 @@ class Codec:
 def refuse_option_for_field(
     function: str, message: MessageModel, options: Mapping[str, object], values: Mapping[str, Any] | None
 ) -> None:
-    """An argument that may have been meant for the field of the same name.
+    """Refuse an argument that may have been meant for the field of the same name.
 
     :raises UsageError: the message has a field that is called like an option given here, and ``values`` has it not.
     """

@@ -25,7 +25,10 @@ _PACKAGE = Path(__file__).resolve().parent
 
 
 def verify(engine: ModuleType) -> None:
-    """:raises EngineError: the engine was built from other Python code."""
+    """Verify that engine and package belong together.
+
+    :raises EngineError: the engine was built from other Python code.
+    """
     built = getattr(engine, "interface", ("", ""))
     try:
         if _digest_of_bytes(_PACKAGE) == built[0] or digest_of_shapes(_PACKAGE) == built[1]:
@@ -56,7 +59,7 @@ def digest_of_shapes(package: Path) -> str:
 
 
 def _shapes(text: str, with_functions: bool) -> Iterator[str]:
-    """The fields of each class, its functions where only their types are there, and the names in tables."""
+    """Yield the fields of each class, its functions where only their types are there, and the names in tables."""
     parsed = ast.parse(text)
     for node in ast.walk(parsed):
         if isinstance(node, ast.Dict):

@@ -22,40 +22,40 @@ def _find(relative: str) -> Path:
 
 
 def core_include() -> Path:
-    """The folder that holds ``wirebond/*.hpp``."""
+    """Return the folder that holds ``wirebond/*.hpp``."""
     return _find("core/include")
 
 
 def port_include(port: str) -> Path:
-    """The folder that holds ``wirebond/<port>/*.hpp``."""
+    """Return the folder that holds ``wirebond/<port>/*.hpp``."""
     return _find(f"ports/{port}/include")
 
 
 def port_in_c(port: str) -> Path:
-    """The folder that holds the C files of a port that has some."""
+    """Return the folder that holds the C files of a port that has some."""
     return _find(f"ports/{port}/c")
 
 
 def posix_include() -> Path:
-    """The folder that holds ``wirebond/posix/*.hpp``."""
+    """Return the folder that holds ``wirebond/posix/*.hpp``."""
     return port_include("posix")
 
 
 def cmake() -> Path:
-    """The folder that ``find_package(wirebond)`` needs as ``wirebond_DIR``."""
+    """Return the folder that ``find_package(wirebond)`` needs as ``wirebond_DIR``."""
     return _find("cmake")
 
 
 def protocols() -> Path:
-    """The protocol files that come with the package."""
+    """Return the protocol files that come with the package."""
     return _find("protocols")
 
 
 def firmware() -> Path:
-    """The firmwares' sources."""
+    """Return the firmwares' sources."""
     return _find("firmware")
 
 
 def sim() -> Path:
-    """The C++ sources of the simulator: ``include``, and a folder for each of its programs."""
+    """Return the C++ sources of the simulator: ``include``, and a folder for each of its programs."""
     return _find("sim")

@@ -36,11 +36,11 @@ class TypedRequest(TypedMessage, Protocol[_Reply_co]):
     """A message of a generated module that has a reply."""
 
     def reply_of(self, message: Message) -> _Reply_co:
-        """The reply to it, with its type."""
+        """Return the reply to it, with its type."""
 
 
 def load_matching(module: str, file: str | os.PathLike[str], expected: int) -> Codec:
-    """The protocol of ``file``, which lies at this place as seen from the ``module``'s folder.
+    """Return the protocol of ``file``, which lies at this place as seen from the ``module``'s folder.
 
     :raises ProtocolFileError: the file is not there, or wrong.
     :raises ProtocolMismatchError: its bytes mean something else than when the module was generated.
@@ -58,7 +58,7 @@ def load_matching(module: str, file: str | os.PathLike[str], expected: int) -> C
 def name_and_values(
     message: str | TypedMessage, values: Mapping[str, Any] | None, fields: dict[str, Any]
 ) -> tuple[str, dict[str, Any]]:
-    """A message that a caller gave by its name and values, or as one object.
+    """Return a message that a caller gave by its name and values, or as one object.
 
     :raises UsageError: neither a name nor such an object; or an object and values as well.
     """
@@ -74,7 +74,7 @@ def name_and_values(
 
 
 def message_class(kind: type) -> Any:
-    """The class of a generated module that this one is or comes from.
+    """Return the class of a generated module that this one is or comes from.
 
     :raises UsageError: there is none.
     """
@@ -92,7 +92,7 @@ def maker_of(kind: type) -> Callable[[Message], Any]:
 
 
 def received(kind: type[_Typed], message: Message) -> _Typed:
-    """A received message as an object of this class, of a generated module."""
+    """Return a received message as an object of this class, of a generated module."""
     made: _Typed = maker_of(kind)(message)
     return made
 
@@ -107,7 +107,7 @@ def from_message_of(kind: type) -> Callable[[Message], Any]:
 
 
 def decoded(kinds: Mapping[str, Callable[[Mapping[str, Any]], _Typed]], message: Message) -> _Typed | None:
-    """A received message by the maker of its name; None for a frame that no message of the protocol has.
+    """Return a received message by the maker of its name; None for a frame that no message of the protocol has.
 
     :raises ProtocolMismatchError: the message was decoded with another protocol file than the module's.
     """
@@ -131,7 +131,7 @@ def decoded(kinds: Mapping[str, Callable[[Mapping[str, Any]], _Typed]], message:
 
 
 def enum_of(kind: type[_Enum], value: str | int) -> _Enum | int:
-    """The member of this name; a number that has none stays a number."""
+    """Return the member of this name; a number that has none stays a number."""
     return kind[code_name(value).upper()] if isinstance(value, str) else value
 
 

@@ -68,7 +68,7 @@ class CallLoop:
 
 
 def _next(service: Any) -> tuple[Any, Any] | None:
-    """The next request that waits, and whose it is; None: there is none."""
+    """Return the next waiting request and its caller; None: there is none."""
     with service.handle:
         found = service.handle.service_take_request(service.srv_type.Request)
     return None if found is None or found[0] is None else (found[0], found[1])

@@ -245,7 +245,7 @@ class RclpyNode:
 
 
 def class_of(type_: RosType) -> Any:
-    """The class of these messages in rclpy.
+    """Return the class of these messages in rclpy.
 
     :raises UsageError: its package is not installed.
     """
@@ -253,7 +253,7 @@ def class_of(type_: RosType) -> Any:
 
 
 def class_named(short: str, room: str, *, is_generated: bool) -> Any:
-    """The class of a type, such as ``std_srvs/Trigger``, which lies in ``msg`` or in ``srv``.
+    """Return the class of a type, such as ``std_srvs/Trigger``, which lies in ``msg`` or in ``srv``.
 
     :raises UsageError: its package is not installed.
     """
@@ -284,7 +284,10 @@ _YAML = (
 
 @contextmanager
 def _overrides_of(topic: str) -> Iterator[None]:
-    """:raises UsageError: the user's ``qos_overrides`` of this topic have no such value."""
+    """Turn errors of rclpy about overrides into sentences.
+
+    :raises UsageError: the user's ``qos_overrides`` of this topic have no such value.
+    """
     try:
         yield
     except RuntimeError as error:

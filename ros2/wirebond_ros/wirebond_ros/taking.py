@@ -37,7 +37,7 @@ class Taken:
     subscriber: Subscriber
 
     def take(self) -> list[bytes]:
-        """The messages that wait, in their order."""
+        """Return the waiting messages, in their order."""
         taken: list[bytes] = []
         handle, type_ = self.subscription.handle, self.subscription.msg_type
         with handle:

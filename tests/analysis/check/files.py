@@ -1,4 +1,4 @@
-"""What the lint's tests share: the project's protocol files, and small protocols made from a frame and messages."""
+"""Shared by the lint's tests: the project's protocol files, and small protocols made from a frame and messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How many damaged frames pass: measured, and held against what is known about each check."""
+"""Measures how many damaged frames pass, and compares that with the known strength of each check."""
 
 from __future__ import annotations
 

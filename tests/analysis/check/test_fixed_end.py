@@ -1,4 +1,4 @@
-"""Where an end cannot change, `check` advises only what the other end's owner can do."""
+"""If one end cannot change, `check` gives advice only to the owner of the other end."""
 
 from __future__ import annotations
 

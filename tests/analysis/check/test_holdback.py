@@ -1,4 +1,4 @@
-"""How long good frames wait behind a false header, fed to the real decoder byte by byte."""
+"""Good frames behind a false header are late, by the computed time: fed to the real decoder byte by byte."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `wirebond diff` says of a change is what happens: frames of one file are decoded with the other."""
+"""The effects that `wirebond diff` names do happen: frames of one file are decoded with the other."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ _NAMES = {"turning": "turn"}
 
 
 def _values(message: Message, known: dict[str, Any]) -> dict[str, Any]:
-    """Of the fields that both files have a value; those that are new to the sender keep their defaults."""
+    """Return values for the fields that both files have; fields that are new to the sender keep their defaults."""
     values: dict[str, Any] = {}
     for field in message.fields:
         name = _NAMES.get(field.name, field.name)

@@ -1,4 +1,4 @@
-"""What `wirebond diff` says, and its exit codes."""
+"""The sentences of `wirebond diff`, and its exit codes."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def changes(old: str, new: str) -> list[Change]:
 
 
 def told(old: str, new: str) -> dict[str, str]:
-    """Of one change the sentence, and each effect by its direction."""
+    """Return the sentence of the only change, and each effect by its direction."""
     [change] = changes(old, new)
     rows = {"": f"{change.verdict}: {change.what}: {change.sentence}"}
     return rows | {str(e.flow): ("breaks: " if e.breaks else "") + e.sentence for e in change.effects}
@@ -66,7 +66,7 @@ def test_another_unit_is_another_quantity() -> None:
 
 
 def test_a_stop_that_the_other_end_does_not_know_breaks() -> None:
-    """What is new can wait until both ends know it; a stop cannot."""
+    """A new message can wait until both ends know it; a stop cannot."""
     with_halt = BASE.replace("  ask: ", "  halt: {id: 6, sender: host}\n  ask: ").replace(
         "{message: drive, speed: 0}", "{message: halt}"
     )

@@ -1,4 +1,4 @@
-"""What `explain` says of a stream is what the decoder does with it: frames, causes, values, field rules."""
+"""`explain` and the decoder agree on any stream: frames, causes, values, field rules."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How bytes are given to `wirebond explain`: hex digits, a capture, a recording, or stdin."""
+"""The inputs of `wirebond explain`: hex digits, a capture, a recording, or stdin."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class BytePort:
-    """What pyserial's port is to a library that only reads and writes; nothing is waited for."""
+    """Replaces pyserial's port for a library that only reads and writes; it never waits."""
 
     def __init__(self, received: bytes = b"") -> None:
         self.received = received
@@ -23,7 +23,7 @@ class BytePort:
 
 
 class ServoPort:
-    """What ROBOTIS' library, and Feetech's after it, call a port handler."""
+    """Replaces the port handler of ROBOTIS' library, and of Feetech's, which follows it."""
 
     def __init__(self, received: bytes = b"") -> None:
         self.received = received

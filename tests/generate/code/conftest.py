@@ -1,4 +1,4 @@
-"""What the tests of generated code share: protocols, generated folders, compilers."""
+"""Shared by the tests of generated code: protocols, generated folders, compilers."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def strict() -> list[str]:
 
 
 def run(command: list[str]) -> str:
-    """What a program prints; it fails the test when the program fails, and does not pass over a missing one."""
+    """Return the output of a program. The test fails if the program fails or is missing."""
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout}{done.stderr}"
     return done.stdout

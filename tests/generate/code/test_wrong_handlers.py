@@ -53,7 +53,7 @@ def generated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def words(folder: Path, protocol: str, function: str, statement: str = "", base: str = "") -> str:
-    """What the compiler says of a link's handler; empty where it compiles."""
+    """Return the compiler's messages about a link's handler; empty if it compiles."""
     return said_of(folder, USE.format(protocol=protocol, function=function, statement=statement, base=base))
 
 

@@ -23,7 +23,7 @@ OK, WARNING, PROBLEM, CANNOT_TELL = Verdict.OK, Verdict.WARNING, Verdict.PROBLEM
 
 
 def asked(check, fake, user=None):
-    """What a check says of the only port of the machine."""
+    """Return the result of a check for the only port of the machine."""
     machine = Machine(fake.root, user)
     (port,) = machine.ports
     return check(machine, port)

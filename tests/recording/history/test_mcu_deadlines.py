@@ -1,4 +1,4 @@
-"""What is known at this end of the deadlines at the MCU: compared with a simulated MCU that gets the same frames."""
+"""This end's knowledge of the deadlines at the MCU, compared with a simulated MCU that gets the same frames."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ def test_a_peak_of_one_sample_is_seen_at_every_zoom() -> None:
 
 
 def test_an_update_replaces_only_the_last_pixel(small: None) -> None:
-    """What /views sends: rows from the begin of the newest known pixel on join the older ones without a seam."""
+    """As /views sends it: rows from the begin of the newest known pixel on join the older ones without a seam."""
     found = Track({"x": np.dtype(np.float64)}, 0.01)
     random = np.random.default_rng(3)
     held: list[tuple[float, float, float]] = []

@@ -150,7 +150,7 @@ def test_options_out_of_range_are_refused(option: str, sentence: str, capsys: py
 
 
 def test_in_real_time_over_a_paced_pair_of_ptys_no_frame_is_lost_that_no_fault_touched() -> None:
-    """How full the line gets depends on this machine's load: `make bench ONLY=soak_real_time` measures it."""
+    """The load of the line depends on this machine: `make bench ONLY=soak_real_time` measures it."""
     result = soaked(minutes=1.5 * SECONDS, load=1.2, ber=1e-5, virtual=False)
     assert result["unaccounted"] == 0
     assert not result["virtual"]

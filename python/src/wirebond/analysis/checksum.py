@@ -11,7 +11,7 @@ from wirebond.protocol.registers import register_of
 
 
 def checksum(algorithm: Algorithm, data: bytes) -> int:
-    """The algorithm's value over ``data``, before any byte order or shift of the frame. A few MB/s; any thread.
+    """Return the algorithm's value over ``data``, before any byte order or shift of the frame. A few MB/s; any thread.
 
     -1, which no frame holds, where the algorithm refuses bytes behind the last whole word.
     """
@@ -41,7 +41,7 @@ def checksum(algorithm: Algorithm, data: bytes) -> int:
 
 
 def _words(algorithm: Algorithm, data: bytes) -> Iterable[int]:
-    """The numbers that it runs over: bytes, or words."""
+    """Return the numbers that it runs over: bytes, or words."""
     size = algorithm.unit
     order: Literal["little", "big"] = "little" if algorithm.unit_order == ByteOrder.LITTLE else "big"
     return data if size == 1 else (int.from_bytes(data[i : i + size], order) for i in range(0, len(data), size))
@@ -105,7 +105,7 @@ def _reflected(value: int, width: int) -> int:
 
 @lru_cache(maxsize=128)
 def _table(width: int, poly: int, reflected: bool) -> tuple[int, ...]:
-    """The register after one byte, for each value of that byte."""
+    """Return the register after one byte, for each value of that byte."""
     entries = []
     mask = (1 << width) - 1
     mirrored = _reflected(poly, width)

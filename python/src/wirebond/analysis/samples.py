@@ -54,7 +54,8 @@ def asked(codec: Codec) -> Codec:
 
 
 def _frame(codec: Codec, message: Message, sender: End, generator: random.Random) -> bytes:
-    """A frame with values that it can carry: where delimiters stand around bytes that are not stuffed, not all can."""
+    """Return a frame with values that it can carry: where delimiters stand around bytes that are not stuffed, not all
+    can."""
     for _ in range(_ATTEMPTS):
         try:
             return codec.encode(message.name, random_values(message, generator), sender=sender)
@@ -64,7 +65,7 @@ def _frame(codec: Codec, message: Message, sender: End, generator: random.Random
 
 
 def random_values(message: Message, generator: random.Random) -> dict[str, Any]:
-    """Valid values for every field, over the whole range that each can carry."""
+    """Draw valid values for every field, over the whole range that each can carry."""
     return fitted_values(message, values_by(_Random(generator), message.fields), generator.randint)
 
 

@@ -17,7 +17,7 @@ _HEX_TEXT = re.compile(rb"(?:0[xX]|[0-9a-fA-F\s:,;_-])*")
 
 
 def given_bytes(source: str | None, hex_text: str | None, sender: str | None = None) -> bytes:
-    """The first bytes of what is named, at most MOST_BYTES.
+    """Return the first bytes of what is named, at most MOST_BYTES.
 
     :param source: the path of a capture or of a recording, ``-`` for stdin, or the bytes as hex digits.
     :param hex_text: the bytes as hex digits.

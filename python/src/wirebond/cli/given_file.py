@@ -18,7 +18,7 @@ def is_stdin(path: Path) -> bool:
 
 
 def load_given(path: Path) -> tuple[Codec, Path]:
-    """The protocol, and the name under which a person knows its file.
+    """Return the protocol, and the name under which a person knows its file.
 
     :raises ProtocolFileError: with every problem of the file.
     :raises UsageError: stdin is a terminal.

@@ -75,11 +75,11 @@ def common(
         ),
     ] = False,
 ) -> None:
-    """The serial link between a robot's computer and its microcontroller, from one protocol file."""
+    """Link a robot's computer to its microcontroller over a serial port, from one protocol file."""
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The whole command, to its exit code: every error that can be foreseen becomes a sentence."""
+    """Run the whole command, and return its exit code: every error that can be foreseen becomes a sentence."""
     logging.getLogger("wirebond").addHandler(logging.NullHandler())  # the commands say themselves what it would
     show_port_log()
     for stream in (sys.stdout, sys.stderr):

@@ -24,7 +24,7 @@ class Widths:
     _most: dict[str, int] = field(default_factory=dict)
 
     def padded(self, path: str, texts: Sequence[str]) -> list[str]:
-        """The texts of one field: numbers flush right, a name flush left, and several names as they are."""
+        """Return the texts of one field: numbers flush right, a name flush left, and several names as they are."""
         is_number = all(text[:1] in _NUMBER for text in texts)
         if not is_number and len(texts) > 1:
             return list(texts)
@@ -78,7 +78,7 @@ class MessageRows:
 
 
 def _lines(head: Text, row: Row, width: int) -> Iterator[Text]:
-    """A line if all has room in it; else the head, and the values below."""
+    """Yield a line if all has room in it; else the head, and the values below."""
     fields = [(path, value) for path, value in flat_values(row.values)]
     cells = [Text(_cell(path, value, row)) for path, value in fields]
     cells = [*([row.said] if row.said else []), *cells, *([Text(row.wrong, "red")] if row.wrong else [])]

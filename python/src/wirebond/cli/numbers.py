@@ -21,7 +21,7 @@ def whole(text: str) -> int:
 
 
 def amount(text: str) -> float:
-    """A number from 0 on, with or without decimals.
+    """Return a number from 0 on, with or without decimals.
 
     :raises typer.BadParameter: it is something else.
     """

@@ -13,7 +13,7 @@ from rich.live import Live
 
 @contextmanager
 def picture(console: Console, first: RenderableType | None = None) -> Iterator[Callable[[RenderableType], None]]:
-    """Gives the function that draws it again. Ctrl-C waits until a picture is whole, and then raises KeyboardInterrupt.
+    """Yield the function that draws it again. Ctrl-C waits until a picture is whole, and then raises KeyboardInterrupt.
     Main thread only.
 
     :param first: what is drawn at once.

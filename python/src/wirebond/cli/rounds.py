@@ -10,7 +10,7 @@ _ROUNDING = 1e-6  # seconds
 
 
 def time_left(seconds: float | None) -> Iterator[float]:
-    """Rounds of the loop, each with the seconds that are left; None: without end.
+    """Yield for each round of the loop the seconds that are left; None: without end.
 
     There is always a last round behind the end, with 0.0: it shows what came before the end.
     """
@@ -21,7 +21,7 @@ def time_left(seconds: float | None) -> Iterator[float]:
 
 
 def paced(rate: float, seconds: float | None) -> Iterator[None]:
-    """Rounds of the loop, ``rate`` of them a second, the first one at once: 20 a second for half a second are ten.
+    """Yield ``rate`` times a second, at first at once: at 20 a second, half a second has ten rounds.
 
     After a stall it goes on from there, without the rounds that it missed.
     """

@@ -24,7 +24,7 @@ _LEVEL_STYLES = {"debug": "dim", "info": "cyan", "warning": "yellow", "error": "
 
 
 def log_text(line: LogLine) -> Text:
-    """A log line whose level has its colour."""
+    """Return a log line whose level has its colour."""
     shown, level = str(line), visible(line.level)
     return Text.assemble((level, _LEVEL_STYLES.get(line.level, "")), shown[len(level) :])
 
@@ -77,7 +77,7 @@ def print_message(message: Message, codec: Codec) -> None:
 
 
 def stats_line(stats: Stats) -> str:
-    """The whole account in one sentence."""
+    """Return the whole account in one sentence."""
     parts = [f"{stats.bytes} bytes: {stats.frames} frames ({stats.frame_bytes} bytes)"]
     if stats.unknown_frames:
         parts.append(f"{stats.unknown_frames} of them unknown")
@@ -139,7 +139,7 @@ def sequence_parts(sequence: SequenceStats) -> list[str]:
 
 
 def title_of(message: Message) -> str:
-    """The message's name, and behind it the frame's own fields: ``state [servo 3]``."""
+    """Return the message's name, and behind it the frame's own fields: ``state [servo 3]``."""
     header = values_text(message.header, between=", ")
     return f"{message.name} [{header}]" if header else message.name
 
@@ -176,7 +176,7 @@ def flat_values(fields: Mapping[str, Any], above: str = "") -> Iterator[tuple[st
 
 
 def units_of(fields: Iterable[Field], above: str = "") -> dict[str, str]:
-    """The unit of each value of `flat_values` that has one, by its path."""
+    """Return the unit of each value of `flat_values` that has one, by its path."""
     found: dict[str, str] = {}
     for field in fields:
         path = f"{above}{field.name}"

@@ -36,8 +36,8 @@ def _start_nothing_unused() -> None:
 
 
 def _open_standard_streams() -> None:
-    """A stream that the caller closed is given back as one that fails, or a port that is opened would take its place
-    and receive error sentences. Text without a reader is lost on stderr; on stdout it is an error.
+    """Replace each standard stream that the caller closed by one that fails. Otherwise a port that is opened would take
+    its place and receive error sentences. Text without a reader is lost on stderr; on stdout it is an error.
     """
     for number, mode in ((0, os.O_WRONLY), (1, os.O_RDONLY), (2, os.O_WRONLY)):
         try:

@@ -85,7 +85,7 @@ def _field_of(fields: tuple[Field, ...], name: str, owner: str) -> Field:
 
 
 def _example(message: Message, word: str) -> str:
-    """An assignment to the field that ``word`` names, or to the first."""
+    """Return an assignment to the field that ``word`` names, or to the first."""
     fields = [f for f in message.fields if f.has_value]
     first = next((f for f in fields if f.name == word), fields[0] if fields else None)
     if first is None:
@@ -126,7 +126,7 @@ def _from_json(described: Field, text: str) -> Any:
 
 
 def _unique(described: Field, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """A mapping of JSON, in which no name stands twice."""
+    """Return a mapping of JSON, in which no name stands twice."""
     found = dict(pairs)
     if len(found) < len(pairs):
         names = [name for name, _ in pairs]

@@ -111,7 +111,7 @@ class ProtocolRequests:
         return await worked(work)
 
     def _own_file(self) -> Path:
-        """The file in force where the page made it, else the one that the console was started with."""
+        """Return the file in force where the page made it, else the one that the console was started with."""
         served = self._station.served
         if served is not None and (path := Path(served.link.codec.model.path)) in self._first:
             return path

@@ -79,7 +79,7 @@ def guarded(handler: Handler) -> Handler:
 
 
 async def body_of(request: Request, of: type[_Body]) -> _Body:
-    """The request's JSON.
+    """Return the request's JSON.
 
     :raises RefusedError: it is too long, or none.
     """
@@ -95,11 +95,11 @@ async def body_of(request: Request, of: type[_Body]) -> _Body:
 
 
 async def worked(work: Work) -> Response:
-    """The answer of what takes a while, in a thread of its own."""
+    """Answer from a thread of its own, for work that takes a while."""
     return answer(await run_in_threadpool(work))
 
 
 async def worked_by(worker: Worker, job: Callable[_P, object], *args: _P.args, **keywords: _P.kwargs) -> Response:
-    """The answer of what takes long, by a process of its own: the views go on meanwhile."""
+    """Answer from a process of its own, for work that takes long: the views go on."""
     data = await run_in_threadpool(worker.run, as_json, job, args, keywords)
     return Response(data, media_type="application/json")

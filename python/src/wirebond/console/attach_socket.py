@@ -59,7 +59,7 @@ async def attach(socket: WebSocket, visitors: Visitors, station: Station) -> Non
 
 
 async def first_message(socket: WebSocket) -> dict[str, Any] | None:
-    """An object that says who it is; None: it did not come, and the client knows."""
+    """Return the object that identifies a client; None: it did not come, and the client has been informed."""
     coming = asyncio.ensure_future(socket.receive())
     try:
         for _ in range(LOOKS):
@@ -104,7 +104,7 @@ async def _inward(socket: WebSocket, writer: asyncio.StreamWriter) -> None:
 
 
 async def _outward(reader: asyncio.StreamReader, socket: WebSocket) -> int:
-    """The code to close with."""
+    """Return the code to close with."""
     splitter = words.Splitter(words.MOST_TO_CLIENT)
     code = RESTARTED
     with contextlib.suppress(ConnectionError, WebSocketDisconnect, RuntimeError):

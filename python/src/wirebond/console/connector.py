@@ -96,8 +96,8 @@ class Connector:
             self._station.clear()
 
     def choices(self) -> list[Path]:
-        """The protocol files that can be chosen: the one that the console was started with, those of this folder, and
-        those that come with the package."""
+        """Return the protocol files that can be chosen: the one that the console was started with, those of this
+        folder, and those that come with the package."""
         folder = paths.protocols()
         folders = [Path.cwd(), Path.cwd() / "protocols", folder, folder / "contrib"]
         found = [path for one in folders if one.is_dir() for path in sorted(one.glob("*.yaml"))]

@@ -46,7 +46,7 @@ class Guard:
         return None
 
     def _is_here(self, name: str) -> bool:
-        """An address cannot be rebound; a name can, unless it is ours."""
+        """Return whether the host is this computer. An address cannot be rebound; a name can, unless it is ours."""
         if name in self._names:
             return True
         with contextlib.suppress(ValueError):

@@ -55,7 +55,7 @@ class Library:
         self._open: OrderedDict[tuple[Path, int, int, int], Replay] = OrderedDict()
 
     def path(self, name: str) -> Path:
-        """The file of a recording.
+        """Return the file of a recording.
 
         :raises UsageError: there is none of this name.
         """
@@ -78,7 +78,7 @@ class Library:
         return served.link.codec
 
     def list(self) -> tuple[Path | None, list[StoredRecording]]:
-        """The folder, and its recordings, the newest first; None: there is no folder.
+        """Return the folder, and its recordings, the newest first; None: there is no folder.
 
         :raises WirebondError: it cannot be read.
         """
@@ -88,7 +88,7 @@ class Library:
         return found.folder, found.list() if found.folder.is_dir() else []
 
     def open(self, name: str) -> Replay:
-        """A recording, read whole.
+        """Return a recording, read whole.
 
         :raises WirebondError: there is none, or it cannot be read.
         :raises OSError: the same.

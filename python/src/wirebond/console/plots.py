@@ -83,7 +83,7 @@ def _rows_from(pixels: Pixels, t: float) -> bytes:
 
 
 def packed(head: dict[str, Any], columns: list[tuple[str, Pixels]]) -> bytes:
-    """A batch as docs/console-api.md has it."""
+    """Return a batch as docs/console-api.md has it."""
     head["columns"] = []
     arrays = []
     for field_name, pixels in columns:

@@ -47,7 +47,8 @@ _POLICY = (
 
 
 def page_files(codec: Codec) -> dict[str, bytes]:
-    """The files of the page, by their names: a folder for a web server, and ``NAME.html``, which is all of it in one.
+    """Return the files of the page, by their names: a folder for a web server, and ``NAME.html``, which is all of it in
+    one.
 
     :raises UsageError: the page or its engine was not built, or the protocol was not read from a file.
     """
@@ -87,7 +88,7 @@ def _with_config(index: str, config: dict[str, Any]) -> str:
 
 
 def _in_one(index: str, files: dict[str, bytes], engine: bytes, tables: bytes) -> str:
-    """The page as one document, which a browser opens from disk."""
+    """Return the page as one document, which a browser opens from disk."""
     worker = next(data for name, data in files.items() if re.fullmatch(r"assets/worker-.*\.js", name))
     inline = {"engine": base64.b64encode(engine).decode(), "worker": base64.b64encode(worker).decode()}
     config = {"protocol": json.loads(tables), "engine": "", "inline": inline}
@@ -150,7 +151,7 @@ def facts(codec: Codec) -> dict[str, Any]:
 
 
 def _form(form: FormParts) -> list[dict[str, Any]]:
-    """The parts of a frame of this form, in the order of the wire."""
+    """Return the parts of a frame of this form, in the order of the wire."""
     return [
         {
             "name": part.name,

@@ -55,7 +55,7 @@ class Visitors:
         return len(self._strangers)
 
     def enter(self, transport: asyncio.Transport) -> None:
-        """A connection was made."""
+        """Note that a connection was made."""
         peer = transport.get_extra_info("peername")
         if peer is None:  # it is gone already
             transport.abort()
@@ -66,7 +66,7 @@ class Visitors:
         self._look(visitor)
 
     def leave(self, transport: asyncio.Transport) -> None:
-        """A connection has ended."""
+        """Note that a connection has ended."""
         peer = transport.get_extra_info("peername")
         visitor = None if peer is None else self._all.get((str(peer[0]), int(peer[1])))
         if visitor is not None and visitor.transport is transport:
@@ -131,7 +131,7 @@ class Visitors:
 
 
 def protocols_for(visitors: Visitors) -> tuple[type[asyncio.Protocol], type[asyncio.Protocol]]:
-    """The web server's connections, each of which is a visitor: of HTTP, and what they become as WebSockets."""
+    """Return the web server's connections, each of which is a visitor: of HTTP, and what they become as WebSockets."""
 
     class Connection(H11Protocol):
         def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]

@@ -77,7 +77,7 @@ _decode = msgspec.json.Decoder(_Message).decode
 
 
 def read(text: str | bytes) -> Said:
-    """A message of a client.
+    """Return a message of a client.
 
     :raises UsageError: it is none, with a sentence.
     """

@@ -8,7 +8,7 @@ import jinja2
 
 
 def environment(folder: Path) -> jinja2.Environment:
-    """The templates of a folder. What a template names must be given; its own tags leave no lines."""
+    """Return the templates of a folder. What a template names must be given; its own tags leave no lines."""
     return jinja2.Environment(  # noqa: S701 what is written is no markup
         loader=jinja2.FileSystemLoader(folder),
         undefined=jinja2.StrictUndefined,

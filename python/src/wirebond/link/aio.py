@@ -53,7 +53,7 @@ class Aio:
     # ---- messages
 
     async def receive(self, timeout: float | None = None) -> Message:
-        """The next message.
+        """Return the next message.
 
         :param timeout: seconds; None: as long as it takes.
         :returns: the message.

@@ -40,7 +40,7 @@ class Segment:
     slew: float = LEAST_SLEW  # seconds until the answer is on the line
 
     def line(self, mcu: float) -> float:
-        """The line itself."""
+        """Return the line itself."""
         return self.host + (mcu - self.mcu) * self.slope
 
     def left(self, mcu: float) -> float:
@@ -48,7 +48,7 @@ class Segment:
         return self.behind * min(max(1.0 - (mcu - self.start) / self.slew, 0.0), 1.0)
 
     def at(self, mcu: float) -> float:
-        """The answer."""
+        """Return the answer."""
         return self.line(mcu) - self.left(mcu)
 
 
@@ -72,14 +72,14 @@ class ClockLine:
     drift_error: float
 
     def counted_on(self, raw: int, host: float, wrap_us: int = 1 << 64) -> int:
-        """The count of microseconds that these bits mean, at about this time of the host: the nearest to what is
+        """Return the count of microseconds that these bits mean, at about this time of the host: the nearest to what is
         expected. ``wrap_us``: after which they wrap, where that is sooner than the clock."""
         expected = round((self.last.mcu + (host - self.last.host) / self.segments[-1].slope) * 1e6)
         wrap = min(self.modulus, wrap_us)
         return expected + (raw - expected + wrap // 2) % wrap - wrap // 2
 
     def at(self, mcu: float) -> HostTime:
-        """The host's time of these seconds of the MCU."""
+        """Return the host's time of these seconds of the MCU."""
         segment = next((s for s in reversed(self.segments) if s.start <= mcu), self.segments[0])
         t = segment.at(mcu)
         return HostTime(t, self.error(mcu) + abs(t - self.segments[-1].line(mcu)))

@@ -141,12 +141,12 @@ class ClockSync:
         return self._take(sample)
 
     def restart(self) -> None:
-        """The MCU said that it restarted, so its clock began again."""
+        """Note that the MCU restarted, so its clock began again."""
         if self._segments:
             self._forget()
 
     def to_host(self, mcu_us: int, near: float, wrap_us: int = 1 << MOST_BITS) -> HostTime:
-        """The host's time of a time of the MCU. For later times of the MCU it gives later ones.
+        """Return the host's time of a time of the MCU. For later times of the MCU it gives later ones.
 
         :param mcu_us: microseconds of the MCU's clock, as they stand in a message.
         :param near: a host's time that is at most half the wrap away, such as that of the message.
@@ -232,7 +232,7 @@ class ClockSync:
         return Verdict.OUTLIER
 
     def _fit(self) -> tuple[float, float, float]:
-        """A point of the line through the best exchanges, and its slope."""
+        """Return a point of the line through the best exchanges, and its slope."""
         weights = [1 / s.half**2 for s in self._best]
         total = sum(weights)
         mcu = sum(w * s.mcu for w, s in zip(weights, self._best, strict=True)) / total
@@ -255,7 +255,7 @@ class ClockSync:
         return min(unsure / (last.mcu - first.mcu) + WANDER, MAX_DRIFT + abs(slope - 1.0))
 
     def _follow(self, mcu: float, host: float, slope: float, now: float) -> None:
-        """A better line: the answer goes on from where it is, and approaches it."""
+        """Follow a better line: the answer continues from its present value, and approaches the line."""
         self._line = None
         if not self._segments:
             self._segments.append(Segment(now, mcu, host, slope))

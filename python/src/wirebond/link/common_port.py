@@ -96,7 +96,7 @@ class _Line:
                 self.codecs = (*self.codecs, codec)
 
     def open(self, settings: LineSettings, make: Callable[[], PythonOpener]) -> tuple[PythonPort, PythonOpener]:
-        """The port of one link, and what opened it. It is opened unless another link has it open.
+        """Return the port of one link, and what opened it. It is opened unless another link has it open.
 
         :param make: makes what opens the port, where no link has opened it yet.
         :raises PortError: the port cannot be opened, or is open with other settings.
@@ -214,7 +214,7 @@ class _Opened:
             self._changed.notify_all()
 
     def _may_read(self) -> bool:
-        """Waits until every branch has room. False: the port is at its end."""
+        """Wait until every branch has room. False: the port is at its end."""
 
         def has_room() -> bool:
             return self._is_over or all(branch.pending <= _MOST_PENDING for branch in self._branches)
@@ -245,7 +245,7 @@ class _Opened:
             return self._failure is not None
 
     def wait_until_closed(self) -> None:
-        """It is at its end, or will be at once."""
+        """Wait until the port is at its end."""
         with self._changed:
             self._changed.wait_for(lambda: self._is_closed)
 

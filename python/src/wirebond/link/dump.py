@@ -195,7 +195,7 @@ class _Reading:
 
 
 def _slice(pieces: list[Piece], ends: list[int], start: int, stop: int) -> list[Piece]:
-    """The bytes from ``start`` to ``stop``, as they came."""
+    """Return the bytes from ``start`` to ``stop``, as they came."""
     found = []
     while start < stop:
         index = bisect.bisect_right(ends, start)

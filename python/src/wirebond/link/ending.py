@@ -31,12 +31,12 @@ _is_ending = False
 
 
 def is_ending() -> bool:
-    """Does the interpreter end?"""
+    """Return whether the interpreter ends."""
     return _is_ending
 
 
 def forget(link: OpenLink) -> None:
-    """It is closed."""
+    """Forget a link that is closed."""
     with _open_links_lock:
         _open_links.discard(link)
 
@@ -56,8 +56,8 @@ def note_open(link: OpenLink) -> None:
 
 
 def _close_all() -> None:
-    """The interpreter ends: safe values leave. Threads that wait in a link do not come back into Python, which is no
-    more there for them."""
+    """Close all links, because the interpreter ends: safe values leave. Threads that wait in a link do not return to
+    Python, which no longer exists for them."""
     global _is_ending  # noqa: PLW0603 there is one end
     _engine.end_of_interpreter()
     with _open_links_lock:

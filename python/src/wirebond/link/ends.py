@@ -13,7 +13,7 @@ from wirebond.protocol.planning import plan_for
 
 
 def other(end: End) -> End:
-    """The one across the line."""
+    """Return the one across the line."""
     return End.MCU if end == End.HOST else End.HOST
 
 
@@ -23,8 +23,8 @@ def actions_at(codec: Codec, end: End) -> list[str]:
 
 
 def own_address_field(codec: Codec, end: End = End.HOST) -> tuple[HeaderField, int | str] | None:
-    """The field that holds this end's own address, and that address by default: what its peer sends as the receiver,
-    else what it sends itself as the sender. A field with the MCU's address is the MCU's own."""
+    """Return the field that holds this end's own address, and that address by default: what its peer sends as the
+    receiver, else what it sends itself as the sender. A field with the MCU's address is the MCU's own."""
     fields = header_fields(codec.model.format.parts)
     receiver = next((f for f in fields if f.address == Address.RECEIVER), None)
     sender = next((f for f in fields if f.address == Address.SENDER), None)
@@ -50,7 +50,7 @@ class Receiver:
         self._place = plan_for(codec.model, end).address
 
     def bits_of(self, header: Mapping[str, Any]) -> int | None:
-        """The address, as bits on the wire; None: frames have none.
+        """Return the address, as bits on the wire; None: frames have none.
 
         :raises MessageError: a header value is wrong.
         """

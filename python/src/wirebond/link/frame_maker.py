@@ -64,7 +64,7 @@ class FrameMaker:
         self._spoken = spoken if spoken is not None and spoken.is_one_of_several else None
 
     def message(self, name: str) -> OwnMessage:
-        """A message that this end sends.
+        """Return a message that this end sends.
 
         :raises MessageError: the protocol has no such message, or it is the other end's.
         """
@@ -87,7 +87,7 @@ class FrameMaker:
         return message.index, data, message.reply, self.takes_number(header), self.address_of(message, whole)
 
     def encode(self, message: OwnMessage, values: dict[str, Any], header: Mapping[str, Any] | None) -> bytes:
-        """The frame's bytes.
+        """Return the frame's bytes.
 
         :raises MessageError: a value is wrong.
         """
@@ -101,16 +101,16 @@ class FrameMaker:
         return self._spoken is not None
 
     def hear(self, message: ReceivedMessage) -> None:
-        """The program gets this message now: what it sends from here on is in the version of its frame."""
+        """Note that the program gets this message now: its next frames are in the version of this one."""
         if self._spoken is not None:
             self._spoken.hear(message.header)
 
     def takes_number(self, header: Mapping[str, Any] | None) -> bool:
-        """Does the link raise the frame's sequence number? Not where the caller gave it."""
+        """Return whether the link raises the frame's sequence number; not if the caller gave it."""
         return header is None or self._numbers.isdisjoint(header)
 
     def without_number(self, header: Mapping[str, Any]) -> dict[str, Any]:
-        """These header values without a sequence number, which the link then raises."""
+        """Return these header values without a sequence number, which the link then raises."""
         return {name: value for name, value in header.items() if name not in self._numbers}
 
     # ---- addresses
@@ -154,14 +154,14 @@ class FrameMaker:
         return {self._sender: self._own_address, **(header or {})}
 
     def bits_of(self, header: Mapping[str, Any]) -> int | None:
-        """The bits of the address that these header values name; None: frames have none.
+        """Return the bits of the address that these header values name; None: frames have none.
 
         :raises MessageError: a header value is wrong.
         """
         return self._receiver.bits_of(header)
 
     def address_of(self, message: OwnMessage, header: Mapping[str, Any] | None) -> int:
-        """The bits of the address that the message goes to. One of the stop gets a safe value for it.
+        """Return the bits of the address that the message goes to. One of the stop gets a safe value for it.
 
         :raises QueueFullError: the message has its safe values for too many other addresses.
         """

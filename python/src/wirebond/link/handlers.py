@@ -51,7 +51,7 @@ class _Handler:
 
 
 def move(source: deque[Any], target: SimpleQueue[Any], count: int) -> None:
-    """The first ``count``, in one call of C: no signal comes between."""
+    """Move the first ``count``, in one call of C: no signal comes between."""
     deque(map(target.put, map(call, repeat(source.popleft, count))), maxlen=0)
 
 
@@ -115,7 +115,7 @@ class Handlers:
     # ---- what the link calls
 
     def start(self) -> None:
-        """The thread, once."""
+        """Start the thread, once."""
         with self._lock:
             if self._thread is None:
                 self._thread = threading.Thread(target=self._run, name=f"handlers of {self._place}", daemon=True)
@@ -127,14 +127,14 @@ class Handlers:
         return bool(handlers) and any(h.name is None or h.name == name for h in handlers)
 
     def move_from(self, messages: deque[Message], count: int) -> None:
-        """The first ``count`` of these wait for their turn from now on. One thread at a time."""
+        """Queue the first ``count`` of these. One thread at a time."""
         move(messages, self._queue, count)
         while self._queue.qsize() > MAX_WAITING and self._drop_oldest():
             pass
         self._rouse()
 
     def put_change(self, action: str, struck: bool, t: float, remove: Callable[[], object]) -> None:
-        """A deadline has struck or ended; ``remove``, of C, takes it away from where it came from. One thread at a
+        """Note that a deadline has struck or ended. ``remove``, of C, removes it at its source. One thread at a
         time."""
         steps: list[Callable[[], object]] = [remove]
         if self._of_deadlines:
@@ -164,7 +164,7 @@ class Handlers:
                 pass
 
     def stop(self, patience: float) -> None:
-        """The interpreter ends: begin no further call, and wait for one that has begun."""
+        """Begin no further call, and wait for one that has begun, because the interpreter ends."""
         self._is_left = True
         self._recall()
         until = time.monotonic() + patience
@@ -172,7 +172,7 @@ class Handlers:
             time.sleep(0.001)
 
     def note_error(self, function: Callable[..., object], error: BaseException) -> None:
-        """A handler raised: count it, and report it to ``logging``, each handler once a second at most."""
+        """Count an exception of a handler, and report it to ``logging``, each handler once a second at most."""
         with self._lock:
             self.errors += 1
             handlers = (*self._of_messages, *self._of_deadlines)
@@ -244,7 +244,7 @@ class Handlers:
             self._call(handler, event)
 
     def _call(self, handler: _Handler, value: object) -> bool:
-        """False: it was removed meanwhile."""
+        """Call a handler. False: it was removed before."""
         self._is_calling = True
         try:
             if self._is_left or handler.is_removed:

@@ -204,7 +204,7 @@ class Inbox:
     # ---- the newest
 
     def newest(self, name: str, sender: int | None) -> Message | None:
-        """The newest message of this name; of this sender's address, by its bits, unless that is None."""
+        """Return the newest message of this name; of this sender's address, by its bits, unless that is None."""
         self._pull(0.0)
         return self._newest.get(name) if sender is None else self._newest_of.get(name, {}).get(sender)
 
@@ -224,7 +224,7 @@ class Inbox:
     # ---- from the engine
 
     def start(self) -> None:
-        """The thread, once."""
+        """Start the thread, once."""
         self._engine.is_closed()  # in a forked child it raises
         with self._lock:
             if self._thread is None and not self.ended.is_set():
@@ -238,7 +238,7 @@ class Inbox:
         return self._dropped + self.handlers.dropped
 
     def struck(self) -> set[str]:
-        """The actions of the own end's deadlines that have struck and not ended."""
+        """Return the actions of the own end's deadlines that have struck and not ended."""
         return {self._actions[index] for index in self._engine.struck_deadlines()}
 
     def give(self, message: Message) -> None:
@@ -258,7 +258,7 @@ class Inbox:
                 self._dropped += self._queue.get_nowait() is not None
 
     def give_reply_back(self, reply: Message) -> None:
-        """The request that took it does not wait for it any more. Handlers have had it, where there are any."""
+        """Note that the request that took this reply no longer waits for it. Handlers have had it, if there are any."""
         if not self.handlers.want(reply.name):
             self.give(reply)
 
@@ -275,12 +275,13 @@ class Inbox:
         self._tell()
 
     def give_up(self) -> None:
-        """The interpreter ends, and the thread does not come back: what is here is all that can be taken."""
+        """Give up the thread, which does not return because the interpreter ends: only messages that are already here
+        can be taken."""
         if self._thread is not None:
             self.end()
 
     def leave(self, patience: float) -> None:
-        """The link is closed: wait until all that came is where it goes, and handlers have had theirs."""
+        """Close the link: wait until all received messages are delivered, also to handlers."""
         thread = self._thread
         if thread is not None and thread is not threading.current_thread():
             thread.join(patience)
@@ -316,7 +317,7 @@ class Inbox:
             self.end()
 
     def _attend(self) -> None:
-        """The handlers' thread has nothing to do: it takes what comes, until something waits for it."""
+        """Let the handlers' idle thread take the messages, until something waits for it."""
         if not self._turn.acquire(timeout=_LOOK):
             return
         try:
@@ -381,7 +382,7 @@ class Inbox:
         self.relayed += count
 
     def _route(self, message: Message) -> bool:
-        """The first that arrived goes where it belongs. True: it answered a request."""
+        """Deliver the message that arrived first. True: it answered a request."""
         self._note(message)
         watcher = self._watchers.get(message.name)
         if watcher is not None:

@@ -377,8 +377,8 @@ class Link(Receiving):
         return self._services.clock
 
     def host_time(self, mcu_us: int, near: float | None = None) -> HostTime:
-        """The host's time of a time of the MCU, such as a stamp in a message. Later times of the MCU have later times
-        of the host. Any thread.
+        """Return the host's time of a time of the MCU, such as a stamp in a message. Later times of the MCU have later
+        times of the host. Any thread.
 
         :param mcu_us: microseconds of the MCU's clock, which may have wrapped.
         :param near: a host's time within half an hour, on ``time.monotonic()``, such as the message's ``t``. None: now.
@@ -432,8 +432,8 @@ class Link(Receiving):
             return self._meter.rates(self.stats, time.monotonic(), window)
 
     def dump(self) -> Dump:
-        """The last bytes of both directions, for a look after a fault: 10 s of a full line, at least 64 KiB and at most
-        2 MiB. Any thread, also in a handler; copying takes about a millisecond.
+        """Return the last bytes of both directions, for a look after a fault: 10 s of a full line, at least 64 KiB and
+        at most 2 MiB. Any thread, also in a handler; copying takes about a millisecond.
 
         :returns: a copy with times, frames, and causes of discarded bytes.
         """

@@ -33,14 +33,14 @@ class LogEvent:
 
 
 def log_names(codec: Codec) -> list[str]:
-    """The messages that are log lines."""
+    """Return the messages that are log lines."""
     service = codec.model.service("log")
     of_service = None if service is None else service.message("message")
     return [m.name for m in codec.model.messages if m.log is not None or m.name == of_service]
 
 
 def least_number(level: str) -> int:
-    """The number of `logging` for a level.
+    """Return the number of `logging` for a level.
 
     :raises UsageError: there is no such level.
     """
@@ -55,7 +55,7 @@ def number_of(line: LogLine) -> int:
 
 
 def safe_text(line: LogLine) -> str:
-    """The text on one line, without what could command a terminal."""
+    """Return the text on one line, without what could command a terminal."""
     return visible(line.text)
 
 
@@ -85,7 +85,7 @@ class LineLimit:
         self._missed = 0
 
     def passes(self, t: float) -> bool:
-        """Does a line of this time pass? One that does not is counted."""
+        """Return whether a line of this time passes. One that does not is counted."""
         if t - self._began >= 1.0:
             self._began, self._passed = t, 0
         self._passed += 1

@@ -123,7 +123,10 @@ class OwnPort:
         return [] if self._common is None else [c for c in self._common.codecs if c.hash != self._codec.hash]
 
     def recordings(self) -> ServerRecordings:
-        """:raises UsageError: there is no server."""
+        """Refuse: only a server has recordings.
+
+        :raises UsageError: there is no server.
+        """
         raise UsageError("this link has a port of its own, and no server; record(path) records it")
 
     def end(self) -> None:

@@ -94,7 +94,7 @@ class Parameters:
         return found
 
     def get(self, parameter: str | int, *, timeout: float = DEFAULT_TIMEOUT) -> float:
-        """The value in force.
+        """Return the value in force.
 
         :param parameter: its name or index.
         :param timeout: seconds for each answer; it is asked three times at most.
@@ -216,7 +216,7 @@ class Parameters:
         return iter(self.list())
 
     def _values_before(self, values: Mapping[str, float], timeout: float) -> tuple[dict[str, float], dict[str, str]]:
-        """The values in force, and a sentence for each that cannot be set. Nothing is set."""
+        """Return the values in force, and a sentence for each that cannot be set. Nothing is set."""
         before: dict[str, float] = {}
         refused: dict[str, str] = {}
         named: dict[int, str] = {}
@@ -278,7 +278,7 @@ class Parameters:
         return next((name for name, number in field.enum if number == index), index)
 
     def _in_force(self, parameter: str | int, index: int, reply: Message, asked: float | None) -> float:
-        """The value of an answer.
+        """Return the value of an answer.
 
         :raises ParameterError: it is a refusal, or for another parameter.
         """

@@ -53,7 +53,7 @@ class PeerBook:
         self.peer = self._unknown()
 
     def connected(self, t: float) -> None:
-        """The port is open, or open again: whoever is there now is not known."""
+        """Note that the port is open, or open again: the peer is unknown from now on."""
         self.peer = self._unknown()
         self._asked.clear()
         self._connected = t
@@ -76,7 +76,7 @@ class PeerBook:
         self._wait = min(2 * self._wait, LAST_WAIT)
 
     def heard(self, protocol_hash: int, version: int, t: float) -> bool:
-        """The peer said hello.
+        """Note that the peer said hello.
 
         :returns: whether its file is another one than before, or it was not known.
         """

@@ -168,7 +168,7 @@ class PythonLink:
             return self._core.is_stopped()
 
     def receive(self, timeout: float) -> Iterable[Message]:
-        """Waits as the engine's does. The messages are taken when the result is read, in one call of C: a signal's
+        """Wait as the engine's link does. The messages are taken when the result is read, in one call of C: a signal's
         handler that raises can lose none."""
         return self._receive(self._attention.wait, timeout)
 
@@ -278,7 +278,7 @@ class PythonLink:
             port.leave_to_parent()
 
     def _owned(self) -> threading.RLock:
-        """The lock.
+        """Return the lock.
 
         :raises LinkDownError: this is a forked child, which has neither the threads nor the lock.
         """
@@ -319,7 +319,7 @@ class PythonLink:
         self._work.notify()
 
     def _look_again(self, now: float) -> None:
-        """The next try, and what may bring it forward."""
+        """Schedule the next try, and watch for events that bring it forward."""
         self._next_open = now + self._open_wait
         self._open_wait = min(2 * self._open_wait, _LAST_OPEN_WAIT if self._seen is None else _LAST_WATCHED_WAIT)
 

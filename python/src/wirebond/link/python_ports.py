@@ -62,7 +62,7 @@ class PythonPort(Protocol):
         ...
 
     def write(self, data: bytes) -> int:
-        """Waits until the port has taken it all; how much it took, less where that was cancelled."""
+        """Wait until the port has accepted all bytes. Return how many it accepted: fewer if the wait was cancelled."""
         ...
 
     def held(self) -> int:
@@ -284,8 +284,8 @@ class PythonOpener:
         return f"{place} went away ({reason}); plug it in again, or look at the system's log"
 
     def appearance(self) -> object:
-        """Changes when the port's file may have appeared, or may be opened by others than before; always the same
-        where there is no file to look at."""
+        """Return a value that changes when the port's file may have appeared, or may have other permissions; always the
+        same if there is no file."""
         if self._name.is_tcp or sys.platform == "win32":
             return None
         path = Path("/dev/*" if self._name.moves else self._name.text).absolute()
@@ -371,7 +371,7 @@ def _read_back(descriptor: int, asked_baud: int) -> dict[str, Any]:
 
 
 def _low_latency(descriptor: int) -> bool | None:
-    """Does the driver have the flag? None: it knows no such flags."""
+    """Return whether the driver has the flag; None: it knows no such flags."""
     if sys.platform == "win32":
         return None
     import fcntl  # noqa: PLC0415

@@ -55,13 +55,13 @@ class Asked:
     typed: Callable[[Message], Any] | None  # what makes an object of the reply; None: a name asked
 
     def result(self, outcome: Outcome) -> Any:
-        """The reply as the caller wants it; or raises what went wrong."""
+        """Return the reply as the caller wants it; or raises what went wrong."""
         if isinstance(outcome, Exception):
             raise outcome
         return outcome if self.typed is None else self.typed(outcome)
 
     def timeout_error(self) -> RequestTimeoutError:
-        """That the reply did not come in time."""
+        """Return the error for a reply that did not come in time."""
         link = self.link
         return timeout_error(link.codec, link._end, self.question, self.header, self.timeout, link.port, link.state)
 
@@ -132,7 +132,7 @@ class Receiving:
         return _REPLAY_WAIT if self.port.startswith("replay:") else None
 
     def _has_ended(self) -> bool:
-        """A replay that is over: no message will come any more, but for those that have come."""
+        """Return whether a replay is over: no more messages will come, except those that have come."""
         return self._longest_wait is not None and self._engine.state() == "down"
 
     # ---- the newest
@@ -144,7 +144,8 @@ class Receiving:
     def latest(
         self, message: str | type[TypedMessage], *, header: Mapping[str, Any] | None = None
     ) -> Latest[Any] | None:
-        """The newest message of this name. Takes nothing from a loop, from handlers or from requests. Any thread.
+        """Return the newest message of this name. Takes nothing from a loop, from handlers or from requests. Any
+        thread.
 
         :param message: its name, or its class of a generated module.
         :param header: where frames name their sender: whose message, such as ``{"servo": 3}``. None: anybody's.
@@ -165,7 +166,8 @@ class Receiving:
     @overload
     def on(self, message: str | None = None, /) -> Callable[[_MessageHandler], _MessageHandler]: ...
     def on(self, message: str | type[TypedMessage] | None = None, /) -> Callable[[Any], Any]:
-        """A decorator: call this function with each message of this name. ``@link.on("status")``, ``@link.on()``.
+        """Return a decorator: call this function with each message of this name. ``@link.on("status")``,
+        ``@link.on()``.
 
         One thread of the link calls all handlers, one after the other, in the order in which messages came and, for one
         message, in that of registration. What a handler raises is reported to ``logging`` (``"wirebond"``) and counted
@@ -188,7 +190,7 @@ class Receiving:
         return add
 
     def on_deadline(self, action: str | None = None, /) -> Callable[[_DeadlineHandler], _DeadlineHandler]:
-        """A decorator: call this function with a ``DeadlineEvent`` when the deadline strikes, and when it ends.
+        """Return a decorator: call this function with a ``DeadlineEvent`` when the deadline strikes, and when it ends.
 
         The handlers' thread looks every 10 ms, between two messages: a deadline that strikes and ends within that time
         is not seen. For one that has struck already, the function is called at once. Any thread.
@@ -208,8 +210,9 @@ class Receiving:
         return add
 
     def on_log(self, level: str = "debug", /) -> Callable[[_LogHandler], _LogHandler]:
-        """A decorator: call this function with a ``LogEvent`` for each log line of the MCU: of messages with ``log`` in
-        the file, and of the log service. As for ``on``, such a message is not given to a loop or to ``receive``.
+        """Return a decorator: call this function with a ``LogEvent`` for each log line of the MCU: of messages with
+        ``log`` in the file, and of the log service. As for ``on``, such a message is not given to a loop or to
+        ``receive``.
 
         :param level: the least one: ``debug``, ``info``, ``warning`` or ``error``.
         :returns: the decorator; it gives the function back.
@@ -475,7 +478,7 @@ class Receiving:
         return name
 
     def _sender_bits(self, header: Mapping[str, Any]) -> int:
-        """The address in this header, of a frame of the other end."""
+        """Return the address in this header, of a frame of the other end."""
         plan = plan_for(self.codec.model, other(self._end))
         sender = None if plan.peer is None else plan.header[plan.peer].name
         if plan.peer is None or sender not in header:
@@ -525,7 +528,8 @@ def _refuse_coroutine(function: object, where: str) -> None:
 
 
 def _no_action(codec: Codec, end: End, wanted: object, actions: list[str], nothing: str) -> str:
-    """That no deadline at this end has this action; the nearest, and all that there are."""
+    """Return the sentence that no deadline at this end has this action; it names the nearest, and all that there
+    are."""
     name = codec.name
     if not actions:
         return f"{name} has no deadline at the {end}, so that there is nothing {nothing}; see `deadlines` in its file"

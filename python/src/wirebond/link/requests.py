@@ -133,7 +133,7 @@ class RequestBook:
             return
 
     def may_take(self, messages: Sequence[Message]) -> bool:
-        """False: ``take`` refuses each of these, which came before now."""
+        """Return False if ``take`` refuses each of these, which came before now."""
         is_looked_for = self._looked_for is not None and self._looked_for[0] is messages[0]
         return is_looked_for or any(map(self._asked.get, set(map(_NAME, messages))))
 
@@ -223,7 +223,7 @@ class RequestBook:
         question.leave = _left  # it holds the link
 
     def _next(self) -> None:
-        """The turn of a request that waited."""
+        """Give the turn to the next waiting request."""
         while self._waiting and not any(q.finish is not None for asked in self._asked.values() for q in asked):
             question = self._waiting.popleft()
             try:
@@ -266,7 +266,10 @@ def _left() -> None:
 
 
 def check_timeout(timeout: float) -> None:
-    """:raises UsageError: no time that a request may wait."""
+    """Validate the time that a request may wait.
+
+    :raises UsageError: it is out of range.
+    """
     expected = f"more than 0 and at most {MAX_TIMEOUT:g} s"
     if not 0 < real("timeout", timeout, expected) <= MAX_TIMEOUT:
         raise UsageError(f"timeout is {timeout:g} s; expected {expected}")
@@ -275,7 +278,7 @@ def check_timeout(timeout: float) -> None:
 def timeout_error(
     codec: Codec, end: End, question: Question, header: Mapping[str, Any], timeout: float, port: str, state: str
 ) -> RequestTimeoutError:
-    """That no reply came: what was asked, of whom, how long, and what to look at."""
+    """Return the error for a missing reply: the request, the device, the time, and what to check."""
     plan = plan_for(codec.model, end)
     peer = "MCU" if end == End.HOST else "host"
     whom = ""

@@ -90,7 +90,7 @@ class Telnet:
         self._option: bytearray | None = None  # within SB and SE
 
     def feed(self, received: bytes) -> bytes:
-        """The data in these bytes.
+        """Return the data in these bytes.
 
         :raises ValueError: an option without an end.
         """

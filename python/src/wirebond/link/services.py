@@ -143,14 +143,14 @@ class Services:
             return self._clock.sync.to_host(mcu_us, near)
 
     def note_exchange(self, sent: float, reply: Message) -> None:
-        """An exchange of the clock that the program had; it counts as those of the link do."""
+        """Note an exchange of the clock that the program had; it counts like those of the link."""
         fields = reply.fields
         if self._clock is not None and self._clock.sync is not None:
             with self._lock:
                 self._clock.sync.feed(sent, fields["received_us"], fields["sent_us"], reply.t)
 
     def end(self) -> None:
-        """The link is closed."""
+        """Note that the link is closed."""
         self._wake.set()
 
     def _later(self, function: Callable[[Message], None]) -> Callable[[Message], None]:
@@ -331,7 +331,7 @@ class _ClockExchanges:
             self._asked = None
 
     def restart(self) -> None:
-        """The MCU restarted: its clock begins again."""
+        """Note that the MCU restarted: its clock begins again."""
         if self.sync is not None:
             self.sync.restart()
         self._next, self._soon = 0.0, _CLOCK_SOON

@@ -42,7 +42,7 @@ HAS_ENGINE_PORTS = hasattr(_engine, "Link")  #: the engine opens ttys and TCP co
 def open_engine(
     codec: Codec, end: End, port: PortName, settings: EngineSettings, waits: bool, common: CommonPort | None = None
 ) -> _engine.Link | PythonLink:
-    """The link below a `Link`, with its port open.
+    """Return the link below a `Link`, with its port open.
 
     :param common: of ``port``, which other links open as well.
     :raises PortError: it cannot be opened; with ``waits`` that is no error.
@@ -142,8 +142,8 @@ def engine_settings(
 
 
 def _peer_stops(codec: Codec) -> Iterator[EnginePeerStop]:
-    """The messages of the stop. The fields that the file gives count; all do where it gives none, or where they have no
-    places of their own."""
+    """Yield the messages of the stop. The fields that the file gives count; all do where it gives none, or where they
+    have no places of their own."""
     for stop in codec.model.emergency_stop:
         frame = codec.encode(stop.message, stop.fields, header=dict(stop.header), sender=End.HOST)
         decoder = codec.decoder("host")

@@ -29,8 +29,8 @@ class Stamper:
         self._stamps = {m.name: stamp for m in codec.model.messages if (stamp := stamp_of(m)) is not None}
 
     def __call__(self, message: Message) -> tuple[float, float] | None:
-        """The host's time of the message's stamp and the bound of its error; None: it has none, or nothing is known of
-        the MCU's clock at that time, or it cannot be a time of that clock."""
+        """Return the host's time of the message's stamp and the bound of its error; None: it has none, or nothing is
+        known of the MCU's clock at that time, or it cannot be a time of that clock."""
         stamp = self._stamps.get(message.name)
         if stamp is None:
             return None

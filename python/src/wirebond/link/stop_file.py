@@ -86,7 +86,7 @@ class StopFile:
             )
 
     def _say(self, text: str) -> None:
-        """A program may stop and release without pause."""
+        """Write the state; a program may stop and release without pause."""
         left_out = self._reports.passes(time.monotonic())
         if left_out is not None:
             _log.warning("%s%s", text, and_more(left_out))
@@ -108,7 +108,7 @@ def stop_file_of(program: str, port: str) -> StopFile:
 
 
 def _text_of(path: Path) -> str:
-    """Does not wait: whatever stands there, a server must start.
+    """Return the text of the file. Never waits: a server must start, whatever is at that path.
 
     :raises OSError: it is not there, or cannot be read.
     :raises ValueError: it is no file that ``write`` made.

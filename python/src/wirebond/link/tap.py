@@ -135,7 +135,7 @@ class Tap:
         return made
 
     def close(self) -> None:
-        """The link forgets it. A second call does nothing."""
+        """Remove the tap from the link. A second call does nothing."""
         self._engine.close_tap(self._number)
 
     def _piece(self, kind: str, before: int, t: int, data: bytes) -> Chunk | LinkEvent:
@@ -158,7 +158,7 @@ class Tap:
 
 
 def noted(kind: str, facts: Mapping[str, Any]) -> str:
-    """The text by which a link keeps an event of a program.
+    """Return the text by which a link keeps an event of a program.
 
     :raises UsageError: it is not JSON, or too long.
     """

@@ -278,7 +278,7 @@ OWN_KINDS = {kind.value: kind for kind in CheckKind}
 
 
 def find(name: str) -> Algorithm | None:
-    """The algorithm of this name or alias, under its catalogue name; None if there is none."""
+    """Return the algorithm of this name or alias, under its catalogue name; None if there is none."""
     return ALGORITHMS.get(ALIASES.get(name, name))
 
 

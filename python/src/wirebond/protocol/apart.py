@@ -59,7 +59,7 @@ def _sizes(form: Form) -> Intervals:
 
 
 def _lengths(form: Form) -> Intervals:
-    """The numbers that the length of such a frame can be."""
+    """Return the numbers that the length of such a frame can be."""
     unit, bias = form.length_unit, form.length_bias
     found = [(max(0, -(-(low - bias) // unit)), (high - bias) // unit) for low, high in _sizes(form)]
     return tuple((low, high) for low, high in found if low <= high)

@@ -6,9 +6,9 @@ from wirebond.protocol.model import End, Message, Protocol
 
 
 def is_controlled(protocol: Protocol, message: Message) -> bool:
-    """Does this message of the host move things? Then only who is in control may send it: it has an ``every``, a
-    deadline at the MCU, or is in the emergency stop. A request with an ``every`` and neither of the other two only
-    asks: programs share it."""
+    """Return whether this message of the host moves something. If so, only the client in control may send it: it has an
+    ``every``, a deadline at the MCU, or is in the emergency stop. A request with an ``every`` and neither of the other
+    two only asks: programs share it."""
     return message.sent_by(End.HOST) and (
         (message.every is not None and message.reply is None)
         or any(d.message == message.name and d.at == End.MCU for d in protocol.deadlines)

@@ -31,7 +31,7 @@ def is_emergency_stop(model: Protocol, message: str, fields: Mapping[str, Any]) 
 
 
 def _left_out(fields: tuple[Field, ...]) -> dict[str, Any]:
-    """The values that these fields take where nobody gives one, of those that need none."""
+    """Return the values that these fields take where nobody gives one, of those that need none."""
     return {
         field.name: _default(field) for field in fields if field.has_value and not field.is_count and has_default(field)
     }

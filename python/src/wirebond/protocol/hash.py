@@ -42,7 +42,7 @@ _CANONICAL_TEXT = 1  # its version: raised when it changes, so that old and new 
 
 
 def protocol_hash(protocol: Protocol) -> int:
-    """The first 64 bits of SHA-256 over the canonical text, most significant byte first."""
+    """Return the first 64 bits of SHA-256 over the canonical text, most significant byte first."""
     text = json.dumps(_protocol(protocol), sort_keys=True, separators=(",", ":"), ensure_ascii=True)
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big")
 
@@ -141,7 +141,8 @@ def _term(term: Comparison | Condition) -> list[Any]:
 
 
 def _run_value(run: Bits) -> int:
-    """A constant; of a header field what the host sends by default, as before there were defaults of each end."""
+    """Return a constant; of a header field what the host sends by default, as before there were defaults of each
+    end."""
     return run.value if run.header is None else run.header.default_bits(End.HOST)
 
 
@@ -171,7 +172,7 @@ def _message(message: Message, mixed: bool) -> dict[str, Any]:
 
 
 def _kind(field: Field) -> str:
-    """The kind by its name in hashes, which is older than codings: numbers with a sign were of one kind."""
+    """Return the kind by its name in hashes, which is older than codings: numbers with a sign were of one kind."""
     if not field.is_integer:
         return field.kind.value
     return TWOS_COMPLEMENT.name if field.coding.is_signed else field.coding.name

@@ -9,7 +9,7 @@ from wirebond.protocol.model import Field
 
 
 def from_json_values(fields: tuple[Field, ...], values: Mapping[str, Any]) -> dict[str, Any]:
-    """The values as ``encode`` takes them.
+    """Return the values as ``encode`` takes them.
 
     :raises ValueError: bytes are no hexadecimal digits.
     """

@@ -70,7 +70,7 @@ def _is_within(inner: Match, outer: Match) -> bool:
 
 
 def are_matched(messages: Iterable[Message]) -> bool:
-    """Does any of them need more than its id?"""
+    """Return whether any of them needs more than its id."""
     return any(message.match for message in messages)
 
 

@@ -113,5 +113,5 @@ def action_fault(name: str) -> str:
 
 
 def type_name(name: str) -> str:
-    """The name of the C++ struct for a message: `status_query` becomes `StatusQuery`, and `NAV_PVT` `NavPvt`."""
+    """Return the name of the C++ struct for a message: `status_query` becomes `StatusQuery`, and `NAV_PVT` `NavPvt`."""
     return "".join(word[:1].upper() + word[1:] for word in code_name(name).split("_"))

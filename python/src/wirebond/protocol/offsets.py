@@ -224,7 +224,7 @@ def _whole(at: Position, part: Part) -> Number:
 
 
 def _length_rule(parts: tuple[Part, ...], index: int, prefix: int, suffix: int) -> int:
-    """The bias: payload bytes = length number * unit + bias."""
+    """Return the bias: payload bytes = length number * unit + bias."""
     part = parts[index]
     follows = sum(p.size for p in parts[index + 1 :])
     beside_payload = {
@@ -237,7 +237,7 @@ def _length_rule(parts: tuple[Part, ...], index: int, prefix: int, suffix: int) 
 
 
 def _bits_constant(number: Number, value: int) -> list[Constant]:
-    """The bytes of ``number`` that ``mask`` touches, as masked constants."""
+    """Return the bytes of ``number`` that ``mask`` touches, as masked constants."""
     mask, bits = number.mask << number.shift, value << number.shift
     constants = []
     for i in range(number.bytes):

@@ -75,7 +75,8 @@ def payload_rules(message: Message) -> PayloadRules:
 
 
 def bounded(message: Message, rules: PayloadRules) -> PayloadRules:
-    """The rules with a bound on the payload: what the first counts tell, and the most that everything else takes."""
+    """Return the rules with a bound on the payload: what the first counts tell, and the most that everything else
+    takes."""
     kept = len(rules.counts)
     if kept > MAX_COUNTS:
         kept = MAX_COUNTS - (rules.counts[MAX_COUNTS].agrees_with is not None)
@@ -85,8 +86,8 @@ def bounded(message: Message, rules: PayloadRules) -> PayloadRules:
 
 
 def named_numbers(fields: tuple[Field, ...]) -> Iterator[tuple[str, tuple[Field, PayloadPlace]]]:
-    """The unsigned numbers of a message at places that are always the same, by their paths: its own, those among their
-    bits, and those of its structs."""
+    """Return the unsigned numbers of a message at places that are always the same, by their paths: its own, those among
+    their bits, and those of its structs."""
     return _numbers_of(_Lowering(), layout_of(fields), "")
 
 

@@ -30,7 +30,7 @@ from wirebond.protocol.registers import register_of
 
 
 def plan_for(protocol: Protocol, sender: End | None) -> Plan:
-    """The plan for frames that ``sender`` sends; None: from either end (their ids must then differ)."""
+    """Return the plan for frames that ``sender`` sends; None: from either end (their ids must then differ)."""
     frame_format = protocol.format
     dependent = told_by_request(protocol.messages, sender)
     no_id = NO_ID if any(mixes_ids(frame_format.parts, end) for end in (sender, End.HOST, End.MCU)) else 0
@@ -91,7 +91,7 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
 
 
 def _place_of(header: tuple[HeaderField, ...], *kinds: Address | None) -> int | None:
-    """The place of the field that is one of these addresses."""
+    """Return the place of the field that is one of these addresses."""
     found = (place for place, field in enumerate(header) if field.address is not None and field.address in kinds)
     return next(found, None)
 
@@ -106,7 +106,7 @@ def is_id(field: HeaderField, parts: tuple[Part, ...]) -> bool:
 
 
 def matches_late(messages: tuple[Message, ...], parts: tuple[Part, ...]) -> bool:
-    """Does what tells these messages apart stand behind the payload, or in it?"""
+    """Return whether the bytes that distinguish these messages are in the payload or after it."""
     payload = next(index for index, part in enumerate(parts) if part.kind == PartKind.PAYLOAD)
     behind = {field.name for field in header_fields(parts[payload:])}
     behind |= {"id"} if any(part.kind == PartKind.ID for part in parts[payload:]) else set()
@@ -199,7 +199,7 @@ def told_by_request(messages: tuple[Message, ...], sender: End | None) -> set[st
 
 
 def expecting(protocol: Protocol, name: str) -> Protocol:
-    """The protocol as a receiver understands it that expects the reply ``name``: what shares its id is gone."""
+    """Return the protocol as a receiver understands it that expects the reply ``name``: what shares its id is gone."""
     reply = protocol.message(name)
     if not any(name in told_by_request(protocol.messages, end) for end in (End.HOST, End.MCU)):
         return protocol

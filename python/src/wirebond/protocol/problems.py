@@ -57,25 +57,26 @@ class Problems:
 
 
 def quoted(text: str) -> str:
-    """The file's own words, shortened, without line breaks or control characters."""
+    """Return the file's own words, shortened, without line breaks or control characters."""
     shown = "".join(c if c.isprintable() else " " for c in text)
     return f"`{shown}`" if len(shown) <= _QUOTED_LENGTH else f"`{shown[: _QUOTED_LENGTH - 1]}…`"
 
 
 def either(words: Iterable[str]) -> str:
-    """``a``, ``a or b``, ``a, b or c``."""
+    """Return ``a``, ``a or b``, ``a, b or c``."""
     names = list(words)
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:
-    """The allowed word most like ``name``, or an empty text if none is like it."""
+    """Return the allowed word most like ``name``, or an empty text if none is like it."""
     found = difflib.get_close_matches(name[:_QUOTED_LENGTH].lower(), list(allowed), n=1, cutoff=0.6)
     return found[0] if found else ""
 
 
 def no_message(protocol: str, wanted: object, messages: Iterable[str]) -> str:
-    """That the protocol has no message of this name; the nearest, and all that there are."""
+    """Return the sentence that the protocol has no message of this name; it names the nearest, and all that there
+    are."""
     names = list(messages)
     if not isinstance(wanted, str):
         return f"{shown(wanted)} is no message's name; {protocol} has {', '.join(names)}"

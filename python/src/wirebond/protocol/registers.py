@@ -10,7 +10,7 @@ _BYTE = 8  # bits
 
 
 def register_of(algorithm: Algorithm) -> tuple[Algorithm, int]:
-    """The algorithm that runs, and how far to the right its value is to be shifted.
+    """Return the algorithm that runs, and how far to the right its value is to be shifted.
 
     A CRC of fewer than eight bits runs in a register of eight, at its upper end: its polynomial, times a power of x,
     leaves the same remainder times that power.

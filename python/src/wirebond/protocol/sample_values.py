@@ -28,10 +28,10 @@ class Chooser(Protocol):
         is one list without a count."""
 
     def string(self, field: Field, size: int | None) -> str | bytes:
-        """A text or bytes. ``size``: of a counted one."""
+        """Return a text or bytes. ``size``: of a counted one."""
 
     def element(self, field: Field, place: int) -> Any:
-        """A number, a bool, or names of ``enum`` or ``flags``."""
+        """Return a number, a bool, or names of ``enum`` or ``flags``."""
 
 
 def values_by(choose: Chooser, fields: tuple[Field, ...], place: int = 0) -> dict[str, Any]:

@@ -102,7 +102,7 @@ def ranges_text(parts: tuple[Part, ...], ranges: tuple[tuple[int, int], ...]) ->
 
 
 def condition_text(condition: Condition) -> str:
-    """``flags & 0x01`` or ``magic == 0xFD``, as behind ``when:``."""
+    """Return ``flags & 0x01`` or ``magic == 0xFD``, as it is written under ``when:``."""
     if condition.negated and len(condition.terms) == 1 and isinstance(condition.terms[0], Comparison):
         return _comparison_text(condition.terms[0], negated=True)
     terms = condition.terms

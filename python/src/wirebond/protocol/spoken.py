@@ -30,7 +30,7 @@ class SpokenVersion:
         return bool(self._answering)
 
     def hear(self, header: Mapping[str, Any]) -> None:
-        """A frame of the host with this header came."""
+        """Note that a frame of the host with this header came."""
         if self._answering:
             self._magics = self._answering.get(header[self._field], ())
 
@@ -65,7 +65,8 @@ def _magic_field(parts: tuple[Part, ...]) -> str:
 
 
 def _version(parts: tuple[Part, ...], sender: End, magic: bytes) -> frozenset[Part]:
-    """The parts that this magic announces. A length is none: one of another width is for another size of payload."""
+    """Return the parts that this magic announces. A length is none: one of another width is for another size of
+    payload."""
     return frozenset(
         replace(part, condition=None, ranges=((0, 0),))
         for form in parts_of_forms(parts, sender)

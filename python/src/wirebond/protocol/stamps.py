@@ -13,7 +13,7 @@ LEAST_BITS = 24  # a clock that wraps sooner is ambiguous after seconds
 
 
 def stamp_of(message: Message) -> Field | None:
-    """The field that says when the MCU measured the message's values; None: there is none."""
+    """Return the field that says when the MCU measured the message's values; None: there is none."""
     return next((field for field in message.fields if field.clock is not None), None)
 
 
@@ -38,7 +38,8 @@ def stamp_fault(field: Field) -> str:
 
 
 def _wrap_fault(field: Field, count: Fraction) -> str:
-    """The MCU's own clock wraps, too. Where the two wraps do not go together, the same number means several times."""
+    """Return why the wraps of a stamp and of the MCU's own clock do not agree: the same number would mean several
+    times."""
     wrap_us, clock_us = (1 << field.width) * int(count), 1 << CLOCK_BITS
     if wrap_us < 1 << LEAST_BITS:
         return f"it wraps after {wrap_us / 1e6:.3g} s, too soon to know which turn is meant; take u32"

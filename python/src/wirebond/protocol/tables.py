@@ -33,12 +33,12 @@ Table = dict[str, Any]
 
 
 def protocol_table(model: Protocol) -> bytes:
-    """The messages with their layouts."""
+    """Return the messages with their layouts."""
     return msgspec.msgpack.encode({"name": model.name, "messages": [_message(message) for message in model.messages]})
 
 
 def format_table(plan: Plan) -> bytes:
-    """The frame format of one end."""
+    """Return the frame format of one end."""
     table = _members(plan)
     table["forms"] = [_form(form) for form in plan.forms]
     table["header"] = [_field(field.value) for field in plan.header]
@@ -65,7 +65,7 @@ def session_table(model: Protocol, adapter_latency: float = 0.0) -> bytes:
 
 
 def _members(value: Any) -> Table:
-    """The members of a dataclass, as they are: those that are dataclasses become tables when they are packed."""
+    """Return the members of a dataclass, as they are: those that are dataclasses become tables when they are packed."""
     return {member.name: getattr(value, member.name) for member in fields(value)}
 
 
@@ -110,7 +110,7 @@ def _field(field: Field) -> Table:
 
 
 def _range(field: Field) -> tuple[float, ...] | None:
-    """The bounds, by how much a double may lie beyond them, and the bounds as the wire carries them."""
+    """Return the bounds, by how much a double may lie beyond them, and the bounds as the wire carries them."""
     accepted = field.accepted_limits
     if field.minimum is None or field.maximum is None or accepted is None:
         return None

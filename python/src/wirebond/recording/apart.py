@@ -13,8 +13,8 @@ _SIGNALLED = 130  # exit code after Ctrl-C
 
 
 def begin_closing(path: Path) -> subprocess.Popen[bytes]:
-    """A process that closes it. Its exit code is 0 when it has, and SIGINT ends it, with the file as it was. It goes on
-    when its starter ends.
+    """Return a process that closes it. Its exit code is 0 when it has, and SIGINT ends it, with the file as it was. It
+    goes on when its starter ends.
 
     :raises OSError: it cannot be started.
     """

@@ -41,7 +41,8 @@ def is_capture(path: Path) -> bool:
 
 
 def captured(path: Path) -> Iterator[bytes]:
-    """The bytes of a capture, some KiB at a time. A file that is called ``.hex`` or ``.txt`` has them as hex digits.
+    """Yield the bytes of a capture, some KiB at a time. A file that is called ``.hex`` or ``.txt`` has them as hex
+    digits.
 
     :raises UsageError: what should be hex digits is none.
     :raises OSError: it cannot be read.
@@ -63,7 +64,7 @@ def captured(path: Path) -> Iterator[bytes]:
 
 @contextmanager
 def as_recording(path: Path, codec: Codec) -> Iterator[Path]:
-    """A recording with the bytes of a capture, while the context lasts. It begins when the file was written last.
+    """Yield a recording with the bytes of a capture, while the context lasts. It begins when the file was written last.
 
     :raises UsageError: it has no hex digits where it should.
     :raises OSError: it cannot be read, or there is no room for the recording.

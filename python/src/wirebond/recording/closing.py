@@ -55,7 +55,7 @@ def write_mcap(
     new: bool = False,
     progress: Progress | None = None,
 ) -> None:
-    """A whole MCAP file of a recording at ``out``, or nothing.
+    """Write a whole MCAP file of a recording at ``out``, or nothing.
 
     :param raw: with the raw bytes, events and the protocol file; False: decoded messages alone.
     :param message: only this one, of decoded messages; None: all.

@@ -98,7 +98,7 @@ def _tables(recording: Recording, message: str | None) -> Iterator[tuple[str, Me
 
 
 def flat_columns(table: Table) -> dict[str, Any]:
-    """Times and fields; an array of fixed size gives a column for each element, lists are JSON."""
+    """Return times and fields; an array of fixed size has a column for each element, lists are JSON."""
     times = {"t": table.t, "stamp.t": table.stamp, "stamp.error": table.stamp_error}  # no field has a dot
     found: dict[str, Any] = {name: column for name, column in times.items() if column is not None}
     for name, column in table.items():
@@ -195,7 +195,7 @@ def _write_parquet(file: IO[bytes], table: Table, message: Message | None) -> It
 
 
 def _about(column: str, message: Message | None) -> dict[str, str]:
-    """The metadata of a column: its unit, and the names of its numbers as JSON."""
+    """Return the metadata of a column: its unit, and the names of its numbers as JSON."""
     if column in _TIMES:
         return {"unit": "s"}
     field = None if message is None else message.field_at(column)

@@ -81,12 +81,12 @@ class RecordedFirmware:
         return self._firmware.now
 
     def send(self, data: bytes) -> None:
-        """The host writes, now."""
+        """Write as the host, now."""
         self._firmware.send(data)
         self._note(Chunk(self.now, self.now, "sent", data))
 
     def tell(self, line: str) -> None:
-        """A line of its operator; it is recorded as an event."""
+        """Give the firmware a line of its operator; it is recorded as an event."""
         self._firmware.tell(line)
         self._note(LinkEvent(self.now, "operator", {"text": line}))
 

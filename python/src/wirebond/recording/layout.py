@@ -44,7 +44,7 @@ _JSON_TYPES = {bool: "boolean", int: "integer", float: "number", str: "string", 
 
 
 def with_checksum(values: Mapping[str, str]) -> dict[str, str]:
-    """The metadata of a recording with a checksum: MCAP has none for metadata."""
+    """Return the metadata of a recording with a checksum: MCAP has none for metadata."""
     plain = {key: value for key, value in values.items() if key != CHECKSUM}
     return {**plain, CHECKSUM: _checksum(plain)}
 
@@ -64,7 +64,7 @@ def event_schema() -> bytes:
 
 
 def topic_of(message: Message, sender: str) -> str:
-    """The channel of a decoded message; ``sender``: of its bytes."""
+    """Return the channel of a decoded message; ``sender``: of its bytes."""
     return f"{sender}/{message.name}"
 
 
@@ -92,8 +92,8 @@ def _schema_of(field: Field) -> dict[str, Any]:
 
 
 def message_json(message: Message, has_header: bool) -> bytes:
-    """A decoded message as its channel has it: its fields; ``header`` where its frame has fields; ``stamp.t`` and
-    ``stamp.error`` where the MCU's time stamp is known in the recording's time."""
+    """Return a decoded message as its channel has it: its fields; ``header`` where its frame has fields; ``stamp.t``
+    and ``stamp.error`` where the MCU's time stamp is known in the recording's time."""
     values: Mapping[str, Any] = message.fields
     if message.name == "unknown":
         values = {"id": message.id, "payload": message.payload}

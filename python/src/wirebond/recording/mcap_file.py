@@ -83,14 +83,14 @@ class McapWriter:
         file.write(MAGIC + record(HEADER, string(profile) + string(library)))
 
     def add_schema(self, name: str, encoding: str, data: bytes) -> int:
-        """:returns: its number."""
+        """Add a schema; return its number."""
         number = len(self._schemas) + 1
         body = struct.pack("<H", number) + string(name) + string(encoding) + struct.pack("<I", len(data)) + data
         self._define(self._schemas, record(SCHEMA, body))
         return number
 
     def add_channel(self, topic: str, encoding: str, schema: int) -> int:
-        """``schema``: 0: it has none.
+        """Add a channel. ``schema``: 0: it has none.
 
         :returns: its number.
         """
@@ -165,7 +165,7 @@ class McapWriter:
         return int(is_far.argmax()) if is_far.any() else len(logged)
 
     def finish(self) -> None:
-        """The end of the file."""
+        """Write the end of the file."""
         self._write_chunk()
         self._file.write(record(DATA_END, bytes(4)))
         counts = b"".join(struct.pack("<HQ", *each) for each in sorted(self._counts.items()))
@@ -242,7 +242,7 @@ def strings(values: Mapping[str, str]) -> bytes:
 
 
 def ending(groups: Mapping[int, list[bytes]], begin: int) -> bytes:
-    """The summary section that begins at this place of the file, the footer, and the file's last bytes.
+    """Return the summary section that begins at this place of the file, the footer, and the file's last bytes.
 
     :param groups: records by their opcode.
     """

@@ -112,7 +112,7 @@ def _data_end(descriptor: int, size: int) -> tuple[int, int]:
 
 
 def _closed(old: bytes, metadata_at: int, metadata_size: int) -> bytes:
-    """The summary with one more entry of metadata, and the file's end."""
+    """Return the summary with one more entry of metadata, and the file's end."""
     groups: dict[int, list[bytes]] = {}
     at = 0
     while at < len(old):
@@ -132,7 +132,7 @@ def _closed(old: bytes, metadata_at: int, metadata_size: int) -> bytes:
 
 
 def _write(descriptor: int, at: int, old: bytes, new: bytes) -> None:
-    """``new`` in the place of ``old``, which ends the file; where there is no room, the old end is there again."""
+    """Write ``new`` in the place of ``old``, which ends the file. If the disk is full, the old end is restored."""
     try:
         if hasattr(os, "posix_fallocate"):
             os.posix_fallocate(descriptor, at, len(new))

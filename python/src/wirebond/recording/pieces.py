@@ -46,12 +46,12 @@ class Pieces:
         return len(self.rows)
 
     def part(self, begin: int, end: int) -> Pieces:
-        """Some of them."""
+        """Return some of them."""
         part = slice(begin, end)
         return Pieces(self.run, self.rows[part], self.kinds[part], self.times[part], self.before[part])
 
     def chunk(self, index: int) -> Chunk:
-        """A read or a write."""
+        """Return a read or a write."""
         data = self.run.payload(int(self.rows[index]))
         return Chunk(float(self.times[index]), float(self.before[index]), KINDS[self.kinds[index]], data)
 

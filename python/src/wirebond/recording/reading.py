@@ -77,7 +77,7 @@ class Reading:
         self._is_told = bool(self._told & self._wanted)
 
     def take(self, pieces: Pieces) -> Found:
-        """The messages that these complete."""
+        """Return the messages that these complete."""
         found: list[Found] = []
         begin = 0
         for index in np.flatnonzero(pieces.kinds == 2).tolist():
@@ -130,6 +130,6 @@ class Reading:
                 yield from ((str(end), message) for message in found)
 
     def end_stats(self, sender: End) -> Stats:
-        """The account behind the last piece."""
+        """Return the account behind the last piece."""
         list(self.finish())
         return self._decoders[sender].stats

@@ -161,7 +161,8 @@ class Recorder:
                 return
 
     def _take(self) -> Taken:
-        """A link that is attached to a server has no tap while that is away; when it is back, a new one is opened."""
+        """Take the new pieces. A link that is attached to a server has no tap while that is away; when it is back, a
+        new one is opened."""
         event: list[LinkEvent] = []
         try:
             if self._is_gone:
@@ -188,7 +189,8 @@ class Recorder:
             self._wait_for_disk()
 
     def _wait_for_disk(self) -> None:
-        """An error here is reported at once, and once by the system: what it names is never safe any more."""
+        """Wait until the disk has the data. An error is reported at once, and only once by the system: that data is
+        never safe any more."""
         try:
             self._writer.sync()
         except OSError as error:

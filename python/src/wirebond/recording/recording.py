@@ -162,7 +162,7 @@ class Recording:
         return max([self._pieces.last, *(event.t for event in self.events[-1:])])
 
     def wall_ns(self, t: float) -> int:
-        """A moment by the wall clock of the computer that recorded it.
+        """Return a moment by the wall clock of the computer that recorded it.
 
         :param t: seconds since the start, such as ``message.t``.
         :returns: nanoseconds since 1970, in whole microseconds.
@@ -396,7 +396,7 @@ class Recording:
 
 
 def _read(path: Path, codec: Codec | None, progress: Progress | None) -> tuple[PieceFile, int]:
-    """The pieces of a recording or a raw capture, and the size of its file."""
+    """Return the pieces of a recording or a raw capture, and the size of its file."""
     if codec is not None and is_capture(path):
         with as_recording(path, codec) as stored:
             return PieceFile(stored, progress), path.stat().st_size

@@ -112,7 +112,7 @@ def replay(
 
 
 def _sending(recording: Recording, link: Link) -> Callable[[Chunk], object]:
-    """Sends again what that end sent, message by message: its numbers are the link's own."""
+    """Return a function that sends an end's messages again, one by one: their sequence numbers are the link's own."""
     end = End(link.role)
     decoder = recording._decoder(end)
     own = recording.direction_of(end)

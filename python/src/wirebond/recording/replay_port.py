@@ -40,7 +40,8 @@ class ReplayClock:
         return (self._origin_us + round(t * 1e6)) / 1e6
 
     def section_time(self, t: float) -> float:
-        """The other way round. A link's times are whole microseconds: with half of one more, it is behind what came."""
+        """Return the other way round. A link's times are whole microseconds: with half of one more, it is behind what
+        came."""
         return t - self._origin_us / 1e6 + 0.5e-6
 
     def go_to(self, t: float) -> None:
@@ -153,7 +154,7 @@ class ReplayOpener:
         return self._recording.idle - self._recording.codec.model.idle_seconds
 
     def stamper(self, codec: Codec) -> Stamper | None:
-        """Gives the messages of a link their stamps, where messages of ``codec`` have some."""
+        """Return the function that gives the messages of a link their stamps, if messages of ``codec`` have some."""
         if not has_stamps(codec):
             return None
         return Stamper(codec, ReplayedClock(self._recording, self._section, self.clock))

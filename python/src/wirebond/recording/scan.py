@@ -158,7 +158,7 @@ class Scan:
             self._cut(at)
 
     def _next(self, at: int) -> Generator[Run, None, int | None]:
-        """The messages of a record, or of many that are messages; where the next one begins. None: the end."""
+        """Yield the messages of a record, or of many that are messages; where the next one begins. None: the end."""
         window = self._window
         if not self._search.is_head(at):
             return self._resume(at, at)
@@ -302,7 +302,7 @@ class _Reader:
         return found
 
     def end(self) -> None:
-        """The record ends here."""
+        """Note that the record ends here."""
         if self._at != self._end:
             raise DamagedError("it is longer than it says")
 
@@ -318,7 +318,7 @@ class _Reader:
 
 
 def _messages(data: Any, at: int, end: int) -> tuple[int, Run | None]:
-    """The messages from ``at`` on; None: the first one is not whole."""
+    """Return the messages from ``at`` on; None: the first one is not whole."""
     behind, channels, logged, published, places, sizes = _engine.message_records(data, at, end)
     if behind == at:
         return at, None

@@ -87,7 +87,7 @@ class Search:
         return True
 
     def next_from(self, begin: int) -> int | None:
-        """The first place from there on from which records follow each other."""
+        """Return the first place from there on from which records follow each other."""
         for first in range(begin, min(self._source.size, begin + _MOST_SEARCHED), _PIECE):
             piece = self._source.read(first, _PIECE + HEAD.size - 1)
             for found in _HEAD.finditer(piece):
@@ -119,7 +119,7 @@ class Summary:
 
 
 def read_summary(source: Source) -> Summary | None:
-    """The summary of a finished file; None: there is none that is whole."""
+    """Return the summary of a finished file; None: there is none that is whole."""
     at = source.size - len(MAGIC) - FOOTER_SIZE
     footer = source.read(at, FOOTER_SIZE) if at > 0 else b""
     if len(footer) < FOOTER_SIZE:

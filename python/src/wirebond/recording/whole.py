@@ -16,7 +16,7 @@ from wirebond.whole_file import name_new
 
 @contextlib.contextmanager
 def whole_file(out: Path, *, new: bool = False) -> Iterator[IO[bytes]]:
-    """A file beside ``out``, which takes that name when the block ends without an exception.
+    """Yield a file beside ``out``, which takes that name when the block ends without an exception.
 
     :param new: nothing may exist at ``out``.
     :raises FileExistsError: ``new``, and something exists there; it is left as it is.

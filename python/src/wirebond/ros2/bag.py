@@ -41,8 +41,8 @@ def write_bag(
     force: bool = False,
     progress: Progress | None = None,
 ) -> list[str]:
-    """A bag at ``folder``, or nothing. It has the topics of the mapping, and a topic of its own type for each message:
-    ``/<node>/<message>`` for the MCU's, ``/<node>/<message>/sent`` for the host's.
+    """Write a bag at ``folder``, or nothing. It has the topics of the mapping, and a topic of its own type for each
+    message: ``/<node>/<message>`` for the MCU's, ``/<node>/<message>/sent`` for the host's.
 
     :param message: only this one; None: all.
     :param force: replace a bag that exists.
@@ -181,8 +181,8 @@ def _bag_qos(qos: Qos) -> BagQos:
 
 @contextmanager
 def _unfinished(folder: Path) -> Iterator[Path]:
-    """A folder that does not exist yet; it becomes ``folder``, in place of one that exists, when the block ends without
-    an exception."""
+    """Yield a folder that does not exist yet; it becomes ``folder``, in place of one that exists, when the block ends
+    without an exception."""
     folder.parent.mkdir(parents=True, exist_ok=True)
     room = folder.parent / f".wirebond-{secrets.token_hex(6)}.tmp"
     room.mkdir()

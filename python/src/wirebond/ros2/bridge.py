@@ -180,7 +180,7 @@ class Bridge:
                 self._serial.take_received(message)
 
     def _tell_state(self) -> None:
-        """That the port or the server is away, and that it is back."""
+        """Report that the port or the server is away, and that it is back."""
         is_down = self.link.state == "down"
         if is_down and not self._was_down:
             self.node.log("error", self.link.why)
@@ -265,7 +265,7 @@ class Bridge:
         self._throttle.say("error", "emergency stop", held, _ACTS)  # a button may publish it all the time
 
     def _hold_kept_stop(self, topic: str) -> None:
-        """A stop that a bridge before this one left: commands may be coming already."""
+        """Hold a stop that an earlier bridge left: commands may already be coming."""
         if self._kept_stop.read() is None:
             return
         self.link.emergency_stop()
@@ -276,7 +276,8 @@ class Bridge:
         )
 
     def _release_stop(self, *, over: bool) -> None:
-        """A button may publish its state all the time: without a stop, nothing is released and no control taken."""
+        """Release the stop, if there is one. A button may publish its state all the time: without a stop, nothing is
+        released and no control taken."""
         if self._is_old("the emergency stop was not released"):
             return
         self._stop_waits = False

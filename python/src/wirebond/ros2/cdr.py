@@ -24,7 +24,7 @@ _Reader = Callable[[bytes, int], tuple[Any, int]]  # data and place: the value, 
 
 
 def encode(type_: RosType, values: Mapping[str, Any]) -> bytes:
-    """The bytes of a message, with the four that say how it is encoded.
+    """Return the bytes of a message, with the four that say how it is encoded.
 
     :raises ValueError, TypeError, struct.error: a value is not of its field's type.
     """
@@ -34,7 +34,7 @@ def encode(type_: RosType, values: Mapping[str, Any]) -> bytes:
 
 
 def decode(type_: RosType, data: bytes) -> dict[str, Any]:
-    """The message in these bytes.
+    """Return the message in these bytes.
 
     :raises ValueError: they are no message of this type.
     """
@@ -105,7 +105,7 @@ def _message_writer(type_: RosType) -> _Writer:
 
 
 def default_of(field: RosField) -> Any:
-    """The value that a new message has there."""
+    """Return the value that a new message has there."""
     if field.kind == Kind.SEQUENCE:
         return ()
     one: Any = {} if field.of is not None else "" if field.base == "string" else False if field.base == "bool" else 0

@@ -225,7 +225,7 @@ class Commands:
         self.why_stopped = ""
 
     def _fitting(self, message: str, values: Mapping[str, Any]) -> tuple[Mapping[str, Any], list[str]]:
-        """The values within the file's ranges, and a phrase for each that was not.
+        """Return the values within the file's ranges, and a phrase for each that was not.
 
         :raises RefusedError: a value is not finite, or out of a range that is not to be clamped to.
         """
@@ -243,8 +243,8 @@ class Commands:
 
 
 def _bounds(fields: Iterable[Field]) -> dict[str, tuple[float, float]]:
-    """The finite values of each plain number. Most commands need no other look; the engine refuses what a type cannot
-    hold."""
+    """Return the finite values of each plain number. Most commands need no other look; the engine refuses what a type
+    cannot hold."""
     return {
         f.name: (-_MOST if f.minimum is None else f.minimum, _MOST if f.maximum is None else f.maximum)
         for f in fields

@@ -65,7 +65,7 @@ LOOPBACK = """<CycloneDDS><Domain><General><Interfaces><NetworkInterface address
 
 
 def domain_of_environment() -> int:
-    """The number in ROS_DOMAIN_ID, or 0.
+    """Return the number in ROS_DOMAIN_ID, or 0.
 
     :raises UsageError: it is no number of a domain.
     """
@@ -76,7 +76,7 @@ def domain_of_environment() -> int:
 
 
 def is_local_only() -> bool:
-    """Does the environment say that ROS stays on this computer?"""
+    """Return whether the environment keeps ROS on this computer."""
     return os.environ.get("ROS_LOCALHOST_ONLY") == "1" or os.environ.get(
         "ROS_AUTOMATIC_DISCOVERY_RANGE", ""
     ).upper() in ("LOCALHOST", "OFF")
@@ -84,7 +84,7 @@ def is_local_only() -> bool:
 
 @cache
 def _configure(number: int) -> Domain | None:
-    """A domain is configured once in a process, before its first participant."""
+    """Configure the domain: once in a process, before its first participant."""
     return Domain(number, LOOPBACK) if is_local_only() and "CYCLONEDDS_URI" not in os.environ else None
 
 
@@ -317,7 +317,7 @@ class DdsNode:
                 self._tell_mismatches()
 
     def _take(self, reader: _Reader) -> bool:
-        """False: nothing has come."""
+        """Take a sample. False: none has come."""
         has_come = False
         while not self._closed.is_set():
             taken = ddspy_take(reader.entity._ref, _ANY, _AT_ONCE)
@@ -330,8 +330,8 @@ class DdsNode:
         return has_come
 
     def _tell_mismatches(self) -> None:
-        """A publisher and a subscriber with other qualities of service, or other types, do not find each other, and ROS
-        is silent."""
+        """Report nodes with other qualities of service, or other types: a publisher and a subscriber do not find each
+        other then, and ROS is silent."""
         for publisher in self._publishers:
             entity: Any = publisher.entity
             status = entity.get_offered_incompatible_qos_status()

@@ -35,14 +35,15 @@ def are_possible() -> bool:
 
 
 def numbered(type_: RosType) -> RosType:
-    """A request or a response with the bytes in front, under its own name. They are 16, so fields stay aligned."""
+    """Return a request or a response with the bytes in front, under its own name. They are 16, so fields stay
+    aligned."""
     numbers = [RosField(name, Kind.ONE, base, None) for name, base in zip(_NUMBERS, ("uint64", "int64"), strict=True)]
     return RosType(type_.name, (*numbers, *type_.fields), type_.constants, type_.store)
 
 
 def any_bytes(type_: RosType) -> type[IdlStruct]:
-    """The declaration of a topic that carries requests or responses of this type. DDS compares names, and drops what is
-    shorter than its declaration; so this one is short, and whoever calls in another form is seen."""
+    """Return the declaration of a topic that carries requests or responses of this type. DDS compares names, and drops
+    what is shorter than its declaration; so this one is short, and whoever calls in another form is seen."""
     return make_idl_struct(type_.name.replace("/", "_"), type_.dds_name.replace("::", "."), {"octet": types.uint8})
 
 
@@ -93,7 +94,7 @@ def _wait_for_clients(requests: DataReader[Any], responses: DataWriter[Any]) -> 
 
 
 def _client(endpoint: Any) -> str:
-    """The ``clientid`` of an endpoint; empty: it has none, or is gone."""
+    """Return the ``clientid`` of an endpoint; empty: it has none, or is gone."""
     policies = () if endpoint is None else endpoint.qos
     data = next((policy.data for policy in policies if isinstance(policy, Policy.Userdata)), b"")
     pairs = (pair.partition("=") for pair in data.decode(errors="replace").split(";"))

@@ -24,7 +24,7 @@ class TypeWatch:
         self._told: set[bytes] = set()
 
     def look(self, published: Mapping[str, RosType], expected: Mapping[str, RosType]) -> None:
-        """``published``, ``expected``: the types of this node's topics."""
+        """Look at ``published`` and ``expected``, the types of this node's topics."""
         for found, own, is_publisher in ((self._readers, published, True), (self._writers, expected, False)):
             for endpoint in found.take(_AT_ONCE):
                 name = endpoint.topic_name or ""  # None: it has left

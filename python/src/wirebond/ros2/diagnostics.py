@@ -45,7 +45,7 @@ class Diagnostics:
         self._before: Counter[str] = Counter()  # counts at the message before
 
     def message(self, stamp: Mapping[str, int]) -> dict[str, Any]:
-        """The message for now."""
+        """Return the message for now."""
         statuses = [self._of_link(), self._of_commands(), self._of_topics(), *map(self._of_flags, self._flags)]
         if self._serial is not None:
             statuses.append(self._of_serial(self._serial))
@@ -129,5 +129,5 @@ class Diagnostics:
 
 
 def deadline_words(deadline: Deadline) -> str:
-    """That its message stays away."""
+    """Return the words for a message that stays away."""
     return f"no {deadline.message} for {deadline.after:g} s"

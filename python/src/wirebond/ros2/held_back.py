@@ -81,11 +81,11 @@ class HeldBack:
                     self._throttle.say("warning", rule.then, self._text(rule, since))
 
     def texts(self) -> list[str]:
-        """A sentence for each deadline that holds commands back now."""
+        """Return a sentence for each deadline that holds commands back now."""
         return [self._text(self._rules[index], since) for index, since in self._struck.items()]
 
     def facts(self) -> dict[str, str]:
-        """The state of each deadline, as values for diagnostics."""
+        """Return the state of each deadline, as values for diagnostics."""
         return {
             f"{rule.then} (MCU)": "struck"
             if index in self._struck
@@ -148,7 +148,7 @@ class HeldBack:
 
 
 def _explicit(model: Protocol) -> dict[int, Deadline]:
-    """These deadlines by their places in the file."""
+    """Return these deadlines by their places in the file."""
     return {
         index: rule
         for index, rule in enumerate(model.deadlines)

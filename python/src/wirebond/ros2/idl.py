@@ -21,7 +21,7 @@ _Types: Any = types  # its arrays and sequences are indexed, which their types d
 
 @cache
 def idl_type(type_: RosType) -> type[IdlStruct]:
-    """The declaration of this type. Its samples are never made: the bytes come from `cdr`."""
+    """Return the declaration of this type. Its samples are never made: the bytes come from `cdr`."""
     fields = {f"{field.name}": _annotation(field) for field in type_.fields}
     return make_idl_struct(type_.name.replace("/", "_"), type_.dds_name.replace("::", "."), fields)
 

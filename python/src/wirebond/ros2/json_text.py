@@ -21,7 +21,7 @@ def to_json(message: Message) -> str:
 
 
 def from_json(text: str, message: MessageModel) -> tuple[dict[str, Any], dict[str, Any] | None]:
-    """The values of this message, and those of its frame.
+    """Return the values of this message, and those of its frame.
 
     :raises ValueError: it is no JSON object, or bytes are no hexadecimal digits.
     """

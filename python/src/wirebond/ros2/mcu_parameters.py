@@ -61,7 +61,7 @@ class McuParameters:
             self._thread.join(_PATIENCE)
 
     def _take(self, message: Message) -> None:
-        """An answer of the MCU to anybody: the parameter has this value now."""
+        """Take an answer of the MCU, whoever asked: the parameter has this value now."""
         index = message.fields["index"]
         self._tell(str(self._names.get(index, index)), message.fields["value"])
         self._pass_on([message])

@@ -121,20 +121,20 @@ class Node(Protocol):
         ...
 
     def update(self, name: str, value: float) -> None:
-        """A declared parameter has this value now; its ``set`` is not called."""
+        """Note that a declared parameter has this value now; its ``set`` is not called."""
         ...
 
     def canceller(self, action: str) -> Callable[[], None]:
-        """A function that cancels all goals of this action, whose name is whole, where the adapter can. Before
+        """Return a function that cancels all goals of this action, whose name is whole, where the adapter can. Before
         ``start``; it does not wait, and does nothing where no such action is there."""
         ...
 
     def log(self, level: str, text: str) -> None:
-        """A line of the node's log. ``level`` is one of ``LEVELS``."""
+        """Write a line to the node's log. ``level`` is one of ``LEVELS``."""
         ...
 
     def now_ns(self) -> int:
-        """The time of ROS, in nanoseconds."""
+        """Return the time of ROS, in nanoseconds."""
         ...
 
     def start(self) -> None:
@@ -150,7 +150,7 @@ LEVELS = {"debug": 10, "info": 20, "warning": 30, "error": 40}
 
 
 def mismatch(topic: str, policy: str, *, is_publisher: bool) -> str:
-    """The sentence for another node whose quality of service keeps it from this publisher or subscriber."""
+    """Return the sentence for another node whose quality of service keeps it from this publisher or subscriber."""
     who = (
         f"a subscriber of {topic} asks for more than is offered"
         if is_publisher
@@ -160,7 +160,8 @@ def mismatch(topic: str, policy: str, *, is_publisher: bool) -> str:
 
 
 def type_mismatch(topic: str, theirs: str, own: str, *, is_publisher: bool) -> str:
-    """The sentence for another node that has another type on a topic; ``is_publisher``: of this node's publisher."""
+    """Return the sentence for another node that has another type on a topic; ``is_publisher``: of this node's
+    publisher."""
     who = (
         f"a subscriber of {topic} expects {theirs}, and {own} is published"
         if is_publisher

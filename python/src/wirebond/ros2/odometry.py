@@ -30,7 +30,7 @@ class Odometry:
         self._is_to_reset = True
 
     def take(self, fields: Mapping[str, Any], t: float) -> None:
-        """The ticks since the message before. ``t``: seconds of any clock."""
+        """Add the ticks since the previous message. ``t``: seconds of any clock."""
         mapping, wheels = self._mapping, self._mapping.wheels
         if self._is_to_reset:
             self._is_to_reset = False

@@ -20,7 +20,7 @@ class RosWords:
         self._control_topic = control_topic
 
     def why(self, error: Exception, message: str = "") -> str:
-        """The reason, for a sentence that already says that ``message`` was not sent."""
+        """Return the reason, for a sentence that already says that ``message`` was not sent."""
         if isinstance(error, StoppedError):
             end = f"false comes on {self._stop_topic}" if self._stop_topic else "the program that stopped releases it"
             return f"an emergency stop holds {', '.join(error.stopped)} until {end}"

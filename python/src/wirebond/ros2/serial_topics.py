@@ -49,7 +49,7 @@ class SerialTopics:
         self._sent = self._codec.decoder(sender="host")
 
     def take_received(self, message: Message) -> None:
-        """A message that came, of known id or not."""
+        """Publish a received message, of known id or not."""
         self._rx_data.publish({"data": message.raw})
         self._rx_hex.publish({"data": f"RX: {message.raw.hex(' ')}"})
 

@@ -19,8 +19,8 @@ _PATIENCE = 5.0  # seconds that the bridge has to end
 
 
 def mapping_for(codec: Codec, path: Path | None) -> BridgeMapping:
-    """The mapping of this file; without one, of the file of the protocol's name in the folder ``ros2`` beside the
-    protocol; without that, the default.
+    """Return the mapping of this file; without one, of the file of the protocol's name in the folder ``ros2`` beside
+    the protocol; without that, the default.
 
     :raises ProtocolFileError: the file is wrong.
     """

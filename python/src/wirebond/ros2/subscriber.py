@@ -24,7 +24,7 @@ class Subscriber:
     quick: Quick | None = None
 
     def give(self, messages: list[bytes]) -> None:
-        """These came, in this order."""
+        """Give the samples that came, in this order."""
         first = 0
         while first < len(messages):
             if self.quick is not None:

@@ -45,8 +45,8 @@ class Topics:
             self._add_odometry(mapping.odometry)
 
     def take(self, messages: list[Message], stamps_ns: list[int]) -> int | None:
-        """These came, in this order, each with its time in nanoseconds of ROS: they become topics. The least of the
-        times of those that have a topic; None: none has.
+        """Publish the messages that came, in this order, each with its time in nanoseconds of ROS. Return the earliest
+        time of those that have a topic; None: none has.
 
         Each topic has its messages in their order. One topic is published after the other.
         """
@@ -129,7 +129,7 @@ class Topics:
 
 
 def known(name: str) -> RosType:
-    """A type that every ROS 2 has."""
+    """Return a type that every ROS 2 has."""
     found = ros_type(name)
     assert found is not None, f"ROS 2 has no {name}"
     return found

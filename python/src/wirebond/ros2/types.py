@@ -77,7 +77,7 @@ class RosType:
         return f"{package}::{room}::dds_::{name}_"
 
     def field(self, name: str) -> RosField | None:
-        """The field of this name."""
+        """Return the field of this name."""
         return self._by_name.get(name)
 
     @cached_property
@@ -141,7 +141,7 @@ RANGES: dict[str, tuple[float, float]] = {
 
 
 def ros_type(name: str) -> RosType | None:
-    """The type of this name, of two parts or three; None where ROS 2 has none.
+    """Return the type of this name, of two parts or three; None where ROS 2 has none.
 
     :raises UsageError: the package rosbags is not installed.
     """
@@ -161,7 +161,7 @@ def _short(name: str) -> str:
 
 @cache
 def service_type(name: str) -> ServiceType | None:
-    """The service type of this name, of two parts or three; None where it is not known.
+    """Return the service type of this name, of two parts or three; None where it is not known.
 
     :raises UsageError: the package rosbags is not installed.
     """
@@ -175,8 +175,8 @@ def service_type(name: str) -> ServiceType | None:
 
 
 def types_from(definitions: Mapping[str, str]) -> dict[str, RosType]:
-    """The types of these texts, as .msg files have them, by their names of three parts. They may use each other, and
-    those of ROS 2.
+    """Return the types of these texts, as .msg files have them, by their names of three parts. They may use each other,
+    and those of ROS 2.
 
     :raises UsageError: the package rosbags is not installed.
     """
@@ -227,7 +227,7 @@ def _made(name: str, store: Typestore, own: dict[str, RosType]) -> RosType:
 
 
 def _without_char(described: Any) -> Any:
-    """The description of a field by rosbags, with ``uint8`` in the place of ``char``."""
+    """Return the description of a field by rosbags, with ``uint8`` in the place of ``char``."""
     if isinstance(described, tuple):
         return tuple(_without_char(part) for part in described)
     return "uint8" if described == "char" else described

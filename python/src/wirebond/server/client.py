@@ -49,7 +49,7 @@ class Client(asyncio.Protocol):
         self._later: list[bytes] | None = None  # requests that wait until its token is compared
 
     def welcome(self, number: int, request: words.Attach) -> None:
-        """It is who it says it is."""
+        """Welcome a client that has identified itself."""
         if self._strangers is not None:
             self._strangers.leave(self)
         self.number = number

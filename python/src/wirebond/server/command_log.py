@@ -56,7 +56,7 @@ class CommandLog:
         self.dropped = 0  # entries that made room
 
     def note(self, client: int, name: str, request: words.Request, error: str, now: float) -> None:
-        """A client asked for this at ``now``. What only asks is no command."""
+        """Note that a client asked for this at ``now``. Requests that only ask are not commands."""
         do = str(request.__struct_config__.tag)
         if isinstance(request, _MOVES):
             found = Command(now, now, 1, client, name, do, request.message, request.fields, request.header)

@@ -127,8 +127,8 @@ class Commands:
         return _OK
 
     def _frame(self, request: words.Send | words.Repeat) -> tuple[bytes, Mapping[str, Any]]:
-        """The frame to be sent, and its header. A frame that came as bytes must be one of the message that it is said
-        to be: what moves the robot is told apart by that."""
+        """Return the frame to be sent, and its header. A frame that came as bytes must be one of the message that it is
+        said to be: what moves the robot is told apart by that."""
         codec, link = self._link.codec, self._link
         own = link.internals.frames.message(request.message)
         if request.frame is None:
@@ -243,7 +243,7 @@ class Commands:
             loop.call_later(timeout, self._too_late, client, number, asked)
 
     def _may_still_leave(self, client: Client, asked: float) -> None:
-        """A command that asks for a reply may have waited for the replies to others.
+        """Note that a command that asks for a reply may have waited for the replies to others.
 
         :raises NotInControlError: its program is not in control any more.
         :raises LateCommandError: it is too old by now.
@@ -283,7 +283,7 @@ class Commands:
             self._link.internals.inbox.requests.withdraw(question)
 
     def withdraw_all(self, client: Client) -> None:
-        """It is gone."""
+        """Withdraw the requests of a client that is gone."""
         for number in list(client.questions):
             self._withdraw(client, number)
 
@@ -385,7 +385,7 @@ class Commands:
                 return None if reading is None else asdict(reading)
 
     def answer_stats(self, client: Client, number: int, tries: int = _STATS_TRIES) -> None:
-        """The account, behind every message that it counts: who reads that a message came can take it."""
+        """Send the account, after every message that it counts: a client that reads of a message can then take it."""
         raw = self._link.internals.engine.stats()
         counted = raw["frames"] - raw["foreign_frames"] - raw["late"] - raw["held_back"] - raw["dropped_messages"]
         if self._link.internals.inbox.relayed < counted and tries > 0:
@@ -406,7 +406,7 @@ class Commands:
         return tap
 
     def close_taps(self, client: Client) -> None:
-        """It is gone."""
+        """Close the taps of a client that is gone."""
         for tap in client.taps:
             self._link.internals.engine.close_tap(tap)
         client.taps.clear()
@@ -462,7 +462,7 @@ class Commands:
 
 
 def message_event(message: Message) -> dict[str, Any]:
-    """A received message as JSON: bytes are hexadecimal, and numbers that JSON does not have are null."""
+    """Return a received message as JSON: bytes are hexadecimal, and numbers that JSON does not have are null."""
     out: dict[str, Any] = {
         "event": "message",
         "t": message.t,

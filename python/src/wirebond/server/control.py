@@ -69,11 +69,11 @@ class ControlBook:
         self._clients: dict[Hashable, _Client] = {}
 
     def add(self, client: Hashable, name: str, asks: bool, now: float) -> None:
-        """It attached."""
+        """Add a client that has attached."""
         self._clients[client] = _Client(name, asks, now)
 
     def remove(self, client: Hashable) -> bool:
-        """It is gone. True: it was in control."""
+        """Remove a client that is gone. True: it was in control."""
         was = self.holder == client
         if was:
             self.holder = None
@@ -86,7 +86,7 @@ class ControlBook:
         return None if self.holder is None else self._clients[self.holder].name
 
     def beat(self, client: Hashable, tick: int, now: float) -> None:
-        """It runs, and has seen this tick. What was under way for long shows nothing."""
+        """Note that the client runs, and has seen this tick. Ticks that were under way for long show nothing."""
         if self.ticks.age(tick, now) <= OLDEST_COMMAND:
             self._clients[client].beat = now
 
@@ -138,7 +138,7 @@ class ControlBook:
         self._clients[client].beat = now
 
     def give_up(self, against_its_will: bool) -> Hashable | None:
-        """The holder is in control no more; who it was."""
+        """End the holder's control; return the holder."""
         was, self.holder = self.holder, None
         if was is not None and against_its_will:
             self._clients[was].asks = True
@@ -151,7 +151,7 @@ class ControlBook:
             client.asks = True
 
     def released(self, name: str, by: Hashable | None) -> None:
-        """An emergency stop was released.
+        """Note that an emergency stop was released.
 
         :param name: of the program that released it.
         :param by: the client that released it, which goes first: its own user ended the stop. None: no client did.

@@ -114,7 +114,7 @@ class Owner:
         return len(self.clients)
 
     def connect(self) -> socket.socket:
-        """A connection of one more client."""
+        """Accept a connection of one more client."""
         ours, theirs = socket.socketpair()
         try:
             asyncio.run_coroutine_threadsafe(self.loop.connect_accepted_socket(self._connected, ours), self.loop)
@@ -173,7 +173,7 @@ class Owner:
     # ---- in the loop's thread
 
     def tell_all(self, value: dict[str, Any]) -> None:
-        """An event for every client."""
+        """Send an event to every client."""
         data = words.json_message(value)
         for client in list(self.clients.values()):
             client.write(data)
@@ -188,7 +188,7 @@ class Owner:
             self.tell_control(why)
 
     def stopped(self) -> None:
-        """The robot was stopped: nobody is in control, and no command takes it by itself."""
+        """Note that the robot was stopped: no client is in control, and no command takes control by itself."""
         self.end_control("emergency stop")
         was_free = self.book.released_by is not None
         self.book.all_must_ask()
@@ -196,8 +196,8 @@ class Owner:
             self.tell_control("emergency stop")
 
     def stop_released(self, name: str, by: int | None = None) -> None:
-        """The stop was released, by the client with this number. A program that took control while the stop held has
-        not earned it by that, so a release ends it, too."""
+        """Note that the client with this number released the stop. A program that took control while the stop held
+        loses it again."""
         self.end_control("stop released")
         self.book.released(name, by)
         self.tell_control("stop released")
@@ -230,7 +230,7 @@ class Owner:
             )
 
     def attach(self, client: Client, request: words.Attach) -> dict[str, Any]:
-        """The first message of a client."""
+        """Attach a client by its first message."""
         if request.version != words.VERSION:
             return _refusal(
                 "version",
@@ -268,7 +268,8 @@ class Owner:
         return self.token is None or hmac.compare_digest(given.encode(), self.token.encode())
 
     def detach(self, client: Client) -> None:
-        """It says that it goes, or its connection has ended: what it moved gets its safe values."""
+        """Detach a client that has said so, or whose connection has ended: safe values are sent for the messages that
+        it repeated."""
         self.waiting.discard(client)
         if self.clients.get(client.number) is not client:
             return

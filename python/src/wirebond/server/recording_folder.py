@@ -25,7 +25,7 @@ class RecordingFolder:
         self._known: dict[str, tuple[tuple[int, int], StoredRecording]] = {}  # by name: size and time of the file
 
     def newest(self) -> list[Path]:
-        """The files, the newest first; at most 1000.
+        """Return the files, the newest first; at most 1000.
 
         :raises WirebondError: the folder cannot be read.
         """
@@ -37,14 +37,14 @@ class RecordingFolder:
         return [self.folder / name for _, name in sorted(found, reverse=True)[:MOST_LISTED]]
 
     def list(self) -> list[StoredRecording]:
-        """The recordings, the newest first.
+        """Return the recordings, the newest first.
 
         :raises WirebondError: the folder cannot be read.
         """
         return by_start(self.about(path) for path in self.newest())
 
     def path(self, name: str) -> Path:
-        """The file of the recording with this name.
+        """Return the file of the recording with this name.
 
         :raises UsageError: there is none in the folder.
         """

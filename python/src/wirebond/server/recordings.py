@@ -90,7 +90,7 @@ class Recordings:
         return None if recorder is None else self._current(recorder)
 
     def list(self) -> list[StoredRecording]:
-        """The recordings of the folder, the newest first; at most 1000.
+        """Return the recordings of the folder, the newest first; at most 1000.
 
         :raises UsageError: the server has no folder.
         :raises WirebondError: the folder cannot be read.
@@ -98,7 +98,7 @@ class Recordings:
         return by_start(self._stored(path) for path in self._in_folder().newest())
 
     def path(self, name: str) -> Path:
-        """The file of the recording with this name.
+        """Return the file of the recording with this name.
 
         :raises UsageError: there is none in the folder.
         """

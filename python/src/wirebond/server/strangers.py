@@ -54,7 +54,7 @@ class Strangers(Generic[_T]):
             self._stay[who] = not makes_way
 
     def leave(self, who: _T) -> None:
-        """It has ended, or has shown the token."""
+        """Forget a connection that has ended, or has shown the token."""
         self._stay.pop(who, None)
 
 
@@ -81,7 +81,7 @@ class WrongTokens:
         return DELAY if last is not None and now - last < _REMEMBER else 0.0
 
     def note(self, address: str, now: float) -> None:
-        """A wrong token came from there."""
+        """Note a wrong token from there."""
         self._last.pop(address, None)
         self._last[address] = now
         if len(self._last) > _MOST_ADDRESSES:

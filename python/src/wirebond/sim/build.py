@@ -33,7 +33,7 @@ class Program:
     includes: Sequence[Path]
 
     def command(self, compiler: Sequence[str], out: Path) -> list[str]:
-        """The command line that compiles it.
+        """Return the command line that compiles it.
 
         :param compiler: the compiler with its own options, such as those for another machine.
         :param out: where the program is written.
@@ -42,7 +42,7 @@ class Program:
 
 
 def shipped(name: str) -> Path | None:
-    """The program of this name that came with the package: its wheel has it, a source tree does not.
+    """Return the program of this name that came with the package: its wheel has it, a source tree does not.
 
     :param name: its name in the folder.
     """
@@ -51,7 +51,7 @@ def shipped(name: str) -> Path | None:
 
 
 def compile_once(program: Program, folder: Path) -> Path:
-    """The compiled program, in ``folder``; it is compiled unless one of the same sources is there.
+    """Return the compiled program, in ``folder``; it is compiled unless one of the same sources is there.
 
     :param program: what is compiled.
     :param folder: keeps it, with those of other states of the sources.
@@ -84,7 +84,7 @@ def compile_once(program: Program, folder: Path) -> Path:
 
 
 def cache(name: str) -> Path:
-    """This user's folder for such programs."""
+    """Return this user's folder for such programs."""
     base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     folder = Path(base) / "wirebond" / name
     folder.mkdir(parents=True, exist_ok=True)

@@ -99,7 +99,7 @@ def _write(device: int, data: bytes) -> None:
 
 
 def main(ttys: list[str]) -> int:
-    """The program; its exit code."""
+    """Run the program, and return its exit code."""
     if not ttys:
         print("usage: python -m wirebond.sim.bus TTY...", file=sys.stderr)
         return 2

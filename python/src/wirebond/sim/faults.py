@@ -22,7 +22,10 @@ class LineFaults:
     seed: int = 1
 
     def verify(self) -> None:
-        """:raises UsageError: a chance is out of range."""
+        """Validate the chances.
+
+        :raises UsageError: a chance is out of range.
+        """
         for name in ("ber", "bursts", "drops", "inserts", "splits"):
             chance = getattr(self, name)
             if not 0 <= chance <= _MOST:
@@ -40,6 +43,9 @@ class LineFaults:
 
 
 def verify_baud(baud: int) -> None:
-    """:raises UsageError: a simulated line has no such rate."""
+    """Validate the rate of a simulated line.
+
+    :raises UsageError: a simulated line has no such rate.
+    """
     if not 300 <= baud <= 100_000_000:
         raise UsageError(f"--baud {baud}: expected 300 to 100000000")

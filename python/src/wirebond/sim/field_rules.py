@@ -27,7 +27,7 @@ def _without_clamp(field: Field) -> Field:
 
 
 def clamped(fields: tuple[Field, ...], values: Mapping[str, Any]) -> dict[str, Any]:
-    """These values, with each one that its field clamps brought to the nearest bound."""
+    """Return these values, with each one that its field clamps moved to the nearest bound."""
     found = {f.name: f for f in fields}
     return {name: _clamped(found[name], value) for name, value in values.items()}
 

@@ -50,11 +50,12 @@ class LockstepFirmware:
         return self._now / _US
 
     def send(self, data: bytes, delay: float = 0.0) -> None:
-        """These bytes come out of the line so long from now. In order of their times."""
+        """Send these bytes out of the line so long from now. In order of their times."""
         self._arriving.append((self._now + round(delay * _US), data))
 
     def tell(self, line: str) -> None:
-        """A line for its operator's input; the firmware's main file lists them. It acts on it with the next advance."""
+        """Send a line to the operator's input; the firmware's main file lists the lines. It takes effect at the next
+        advance."""
         self._write(f"l {line}\n")
 
     def advance(self, seconds: float) -> bytes:

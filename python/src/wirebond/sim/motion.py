@@ -26,7 +26,7 @@ class Motion:
         return bool(self._commands) and not self._moving
 
     def act(self, message: str, fields: Mapping[str, Any]) -> None:
-        """This message of the host acts now. Its safe values stop; any other value moves."""
+        """Note that this message of the host acts now. Its safe values stop; any other value moves."""
         if not is_emergency_stop(self._model, message, fields):
             self._moving |= {message} & self._commands
         elif message in self._commands:
@@ -35,5 +35,5 @@ class Motion:
             self._moving.clear()
 
     def stop(self, message: str) -> None:
-        """A deadline has struck because this message stayed away."""
+        """Note that a deadline has struck because this message stayed away."""
         self._moving.discard(message)

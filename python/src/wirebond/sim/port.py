@@ -36,7 +36,7 @@ class SimulatedPort:
             self._pty.close()
 
     def close(self) -> None:
-        """A second call does nothing. Any thread, its own as well, where that collects the link as garbage."""
+        """Close the port. A second call does nothing. Any thread, even its own if that collects the link as garbage."""
         self._ends.set()
         if threading.current_thread() is not self._thread:
             self._thread.join(timeout=1.0)

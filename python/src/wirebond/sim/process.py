@@ -62,7 +62,7 @@ class FirmwareProcess:
             return [line for line in lines if line]
 
     def tell(self, line: str) -> None:
-        """A line for its operator's input; the firmware's main file lists them."""
+        """Send a line to the operator's input; the firmware's main file lists the lines."""
         assert self._process.stdin is not None
         self._process.stdin.write(line + "\n")
         self._process.stdin.flush()

@@ -140,7 +140,7 @@ def run(mcu: VirtualMcu, port: PtyPort, until: float, on_event: Callable[[str], 
 
 @contextlib.contextmanager
 def symlinked(target: str, link: Path | None) -> Iterator[str]:
-    """A symbolic link to the pty for as long as it lives, so that its name is known beforehand."""
+    """Yield a symbolic link to the pty for as long as it lives, so that its name is known beforehand."""
     if link is None:
         yield target
         return

@@ -14,7 +14,7 @@ NAME = "rover"
 
 
 def protocol_file() -> Path:
-    """The protocol that the rover speaks."""
+    """Return the protocol that the rover speaks."""
     return paths.protocols() / "diffdrive.yaml"
 
 
@@ -30,7 +30,7 @@ def program(generated: Path) -> Program:
 
 
 def build(folder: Path | None = None) -> Path:
-    """The compiled rover: the one that came with the package; without one it is compiled, once for its sources.
+    """Return the compiled rover: the one that came with the package; without one it is compiled, once for its sources.
 
     :param folder: compile it in this folder, whatever came with the package.
     :raises WirebondError: there is no C++ compiler, or it fails.

@@ -71,7 +71,8 @@ class Behaviour:
     # ---- for the script
 
     def on(self, name: str) -> Callable[[OnMessage], OnMessage]:
-        """Decorator: called for each such message of the host. The function may return values of its reply."""
+        """Return a decorator for a function that is called for each such message of the host. The function may return
+        values of its reply."""
         self._verify(name, End.HOST)
 
         def keep(function: OnMessage) -> OnMessage:
@@ -81,7 +82,8 @@ class Behaviour:
         return keep
 
     def fill(self, name: str) -> Callable[[Fill], Fill]:
-        """Decorator: called with the time for each such message that is due by its ``every``; returns values of it."""
+        """Return a decorator for a function that is called with the time for each such message that is due by its
+        ``every``; it returns values of it."""
         self._verify(name, End.MCU)
         if self.codec.model.message(name).every is None:
             raise UsageError(f"{name} has no `every`, so it is never due; send it with mcu.send, as from mcu.every")
@@ -93,7 +95,8 @@ class Behaviour:
         return keep
 
     def every(self, seconds: float) -> Callable[[Tick], Tick]:
-        """A decorator: call the function with the time every ``seconds``, for the first time after ``seconds``."""
+        """Return a decorator: call the function with the time every ``seconds``, for the first time after
+        ``seconds``."""
         if not seconds > 0:
             raise UsageError(f"mcu.every({seconds}): expected seconds, more than 0")
 
@@ -109,7 +112,7 @@ class Behaviour:
         self._sending.append((name, values))
 
     def report(self, text: str) -> None:
-        """A line for the operator."""
+        """Print a line for the operator."""
         self._reports.append(text)
 
     def recover(self, action: str) -> None:

@@ -216,7 +216,7 @@ class VirtualMcu:
     # ---- receiving
 
     def _recover_by(self, message: Message, t: float) -> None:
-        """The file says which message ends a deadline: this one may be it."""
+        """End a deadline if this is the message that the file names for it."""
         model = self.codec.model
         for rule in model.deadlines:
             if rule.recover_by is not None and is_given(model, rule.recover_by, message.name, message.fields):
@@ -228,8 +228,8 @@ class VirtualMcu:
         return _Device(address, [_Watch(d, t) for d in self.codec.model.deadlines if d.at == End.MCU])
 
     def _heard_by(self, message: Message, t: float) -> list[_Device]:
-        """The devices that the message is for: a broadcast is for all. An address that is asked for the first time is
-        a device from then on, where it is not said which ones there are."""
+        """Return the devices that the message is for: a broadcast is for all. An address that is asked for the first
+        time is a device from then on, where it is not said which ones there are."""
         bits = self._addressing.address_bits(message)
         if bits is None:
             return list(self._devices.values())
@@ -252,7 +252,8 @@ class VirtualMcu:
                 self.events.append(f"{message}{self._whose(device)} is back: {watch.rule.then} ends")
 
     def _acts_for_strangers(self, message: str) -> bool:
-        """Does it act although the host has another protocol file? What asks and moves nothing does."""
+        """Return whether it acts although the host has another protocol file. A message that asks and moves nothing
+        does."""
         model = self.codec.model
         if model.link.on_mismatch == Mismatch.ACT:
             return True
@@ -327,7 +328,7 @@ class VirtualMcu:
     def _parameter(
         self, message: str, values: Mapping[str, Any], service: Service, *, acts: bool = True
     ) -> dict[str, Any]:
-        """It has the parameters that the file names, or the first eight; each with the range that the file gives.
+        """Return a parameter: one that the file names, or of the first eight, with the range that the file gives.
         ``acts``: the request keeps the rules of its fields."""
         roles = {role: self.codec.model.message(name) for role, name in service.messages}
         value = next(f for f in roles["set"].fields if f.name == "value")
@@ -368,7 +369,7 @@ class VirtualMcu:
         }
 
     def _counted(self, message: MessageModel) -> dict[str, int]:
-        """The counters in this message, each cut to its field."""
+        """Return the counters in this message, each cut to its field."""
         counted = self.counters
         return {f.name: counted.get(f.name, 0) & ((1 << f.width) - 1) for f in message.fields if f.name in COUNTERS}
 
@@ -388,8 +389,8 @@ class VirtualMcu:
             raise error if self.behaviour is None else self.behaviour.mistake(error) from None
 
     def _frame(self, name: str, values: dict[str, Any], header: dict[str, Any]) -> bytes:
-        """A frame, which leaves behind all that were encoded before; with the next sequence number, if it has one.
-        Each address has numbers of its own."""
+        """Return a frame, which leaves behind all that were encoded before; with the next sequence number, if it has
+        one. Each address has numbers of its own."""
         sequence = self.codec.tables.sequence_of(End.MCU)
 
         def made(whole: Mapping[str, Any] | None) -> bytes:
@@ -448,14 +449,14 @@ class _Addressing:
         return None if self._to is None else message.header.get(self._to.name)
 
     def address_bits(self, message: Message) -> int | None:
-        """The one address that the message is for; None: for all that there are."""
+        """Return the one address that the message is for; None: for all that there are."""
         if self._to is None or self._to.name not in message.header:
             return None
         bits = self._to.value.wire_bits(message.header[self._to.name])
         return None if bits in self._to.broadcast_bits else bits
 
     def asked(self, message: Message) -> list[dict[str, Any]] | None:
-        """The header of each answer: one, or none to a broadcast; None where the frame is for others."""
+        """Return the header of each answer: one, or none to a broadcast; None where the frame is for others."""
         if self._to is None or self._to.name not in message.header:
             return [self._header(None, message)]
         address = message.header[self._to.name]

@@ -73,7 +73,8 @@ class Strength:
 
 
 def measure_strength(codec: Codec, samples: int, seed: int) -> Strength:
-    """``samples``: damaged frames for each kind of fault. All messages have equal weight, whichever end sends them."""
+    """Measure with ``samples`` damaged frames for each kind of fault. All messages have equal weight, whichever end
+    sends them."""
     pools = [found for end in senders(codec.model) if (found := pool(codec, end, seed))]
     frames = sum(len(each.frames) for each in pools)
 

@@ -59,7 +59,7 @@ def wrong_bits(number: int) -> Fault:
 
 
 def burst(longest: int) -> Fault:
-    """A run of 2 to ``longest`` bits whose first and last are wrong, and every other one by chance."""
+    """Return a run of 2 to ``longest`` bits whose first and last are wrong, and every other one by chance."""
 
     def fault(bits: Integers, generator: np.random.Generator) -> Flips:
         length = generator.integers(2, np.minimum(longest, bits) + 1)

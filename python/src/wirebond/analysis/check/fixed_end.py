@@ -21,7 +21,8 @@ _WITH_A_GIVEN_FORMAT: dict[str, str | None] = {
 
 
 def suited(protocol: Protocol, findings: list[Finding]) -> list[Finding]:
-    """The findings with remedies that the owner of the end that can change has. What nobody can change is a note."""
+    """Return the findings with remedies that the owner of the end that can change has. What nobody can change is a
+    note."""
     if protocol.fixed is None:
         return findings
     found = []

@@ -26,12 +26,13 @@ ANY_CONTENT = "content"  # its one field
 
 
 def senders(protocol: Protocol) -> list[End]:
-    """The ends that send anything."""
+    """Return the ends that send anything."""
     return [end for end in ENDS if any(message.sent_by(end) for message in protocol.messages)]
 
 
 def forms(protocol: Protocol, sender: End) -> tuple[Form, ...]:
-    """The forms that a frame of this end can take; the first is the one that is sent unless header values say else."""
+    """Return the forms that a frame of this end can take; the first is the one that is sent unless header values say
+    else."""
     return plan_for(protocol, sender).forms
 
 
@@ -56,7 +57,7 @@ def has_header_check(form: Form) -> bool:
 
 
 def payload_sizes(form: Form, most: int) -> range | None:
-    """The payload sizes up to ``most`` that the length can tell; None in a format without one."""
+    """Return the payload sizes up to ``most`` that the length can tell; None in a format without one."""
     if form.length is None:
         return range(1) if form.payload == PayloadRule.BY_LENGTH else None
     greatest = form.length.mask * form.length_unit + form.length_bias

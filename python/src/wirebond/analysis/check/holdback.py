@@ -88,8 +88,8 @@ def measure_hold_back(codec: Codec, sender: End, seed: int) -> HoldBack | None:
 
 
 def _false_headers(model: Protocol, sender: End, most: int) -> tuple[Codec, set[bytes]] | None:
-    """A receiver that takes any id and size, and for each form the bytes before the largest payload up to ``most`` that
-    its length can tell; None where there is no such receiver."""
+    """Return a receiver that takes any id and size, and for each form the bytes before the largest payload up to
+    ``most`` that its length can tell; None where there is no such receiver."""
     usual, *others = forms(model, sender)
     possible = payload_sizes(usual, most)
     longest = max([*(possible or ()), *(max(_sizes(form, most), default=0) for form in others)], default=0)
@@ -120,7 +120,8 @@ def _of_known_messages(model: Protocol, sender: End) -> set[bytes]:
 
 
 def _sizes(form: Form, most: int) -> list[int]:
-    """The payload sizes up to ``most`` that this form can announce, where no check of the header speaks for them."""
+    """Return the payload sizes up to ``most`` that this form can announce, where no check of the header speaks for
+    them."""
     if form.header_checks or form.length is None:
         return []
     choices = [held.choice for held in form.choices if held.choice.subject == Subject.SIZE]
@@ -128,7 +129,7 @@ def _sizes(form: Form, most: int) -> list[int]:
 
 
 def _header(form: Form, payload: int, message_id: int) -> bytes:
-    """The bytes before a payload of this size, with the defaults of all other fields."""
+    """Return the bytes before a payload of this size, with the defaults of all other fields."""
     header = bytearray(form.prefix)
     numbers = [(field.number, field.default) for field in form.header]
     if form.length is not None:

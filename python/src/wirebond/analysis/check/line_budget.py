@@ -104,7 +104,8 @@ def scheduled_loads(protocol: Protocol) -> list[Load]:
 
 
 def parse_traffic(protocol: Protocol, text: str) -> list[Load]:
-    """A claimed load: `gimbal_cmd=2000,chassis_cmd=2000` in frames a second, or `mcu:47=3992` for 47-byte frames.
+    """Return a claimed load: `gimbal_cmd=2000,chassis_cmd=2000` in frames a second, or `mcu:47=3992` for 47-byte
+    frames.
 
     :raises UsageError: with a sentence, for anything else.
     """
@@ -141,7 +142,7 @@ def _claimed(protocol: Protocol, what: str, frames: float) -> list[Load]:
 
 
 def budgets(protocol: Protocol, loads: list[Load]) -> list[Budget]:
-    """A budget for each direction in which something is sent at all."""
+    """Return a budget for each direction in which something is sent at all."""
     found = []
     for end in ENDS:
         sizes = [_longest(protocol, end, message) for message in protocol.messages if message.sent_by(end)]
@@ -208,5 +209,5 @@ _USUAL_BAUD_RATES = (9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600, 
 
 
 def _next_baud(needed: float) -> float:
-    """The least usual rate that is enough; beyond them, whole millions."""
+    """Return the least usual rate that is enough; beyond them, whole millions."""
     return next((usual for usual in _USUAL_BAUD_RATES if usual >= needed), -(-needed // 1_000_000) * 1_000_000)

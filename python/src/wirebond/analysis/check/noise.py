@@ -84,7 +84,7 @@ def measure_noise(codec: Codec, sender: End, size: int, seed: int) -> Noise:
 
 
 def expected_rate(protocol: Protocol, sender: End) -> float | None:
-    """False frames for each random byte: the chance that constants, id, size and checks all fit.
+    """Return the false frames for each random byte: the chance that constants, id, size and checks all fit.
 
     None for escapes, hex digits and insertions, delimiters around bytes that are not stuffed, silence, and checks in
     hex digits.
@@ -113,7 +113,7 @@ def _sizes(form: Form, message: Message) -> tuple[int, int]:
 
 
 def _chance(number: Number | None) -> float:
-    """That random bits make one certain number."""
+    """Return the chance that random bits make one certain number."""
     return 1.0 if number is None else 1 / (number.mask + 1)
 
 
@@ -156,7 +156,7 @@ def _cobs(protocol: Protocol, form: Form, messages: list[Message]) -> float:
 
 
 def assess(protocol: Protocol, noise: list[Noise], places: Places) -> list[Finding]:
-    """A finding for the worse direction, where random bytes yield frames often."""
+    """Assess the worse direction: a finding if random bytes yield frames often."""
     worst = max(noise, key=lambda each: each.best)
     if worst.best <= _TOO_MANY:
         return []

@@ -17,14 +17,14 @@ class Places:
 
     @classmethod
     def of_text(cls, text: str) -> Places:
-        """The places of a protocol that was read from this text."""
+        """Return the places of a protocol that was read from this text."""
         try:
             return cls(written_out(yaml_tree.parse(text, Problems(""))))
         except ProtocolFileError:
             return cls()
 
     def at(self, *steps: str | int) -> Place:
-        """The place under these keys and list indices, as far as they lead."""
+        """Return the place under these keys and list indices, as far as they lead."""
         node, place = self._root, WHOLE_FILE if self._root is None else self._root.place
         for step in steps:
             if isinstance(node, Mapping) and step in node.entries:

@@ -94,7 +94,7 @@ def _other(end: End) -> End:
 
 
 def assess_safety(protocol: Protocol, places: Places) -> list[Finding]:
-    """The host's commands: is their silence noticed, and is there a stop?"""
+    """Assess the host's commands: is their silence noticed, and is there a stop?"""
     commands = [message for message in protocol.messages if _is_command(protocol, message)]
     if not commands or is_fixed(protocol, End.HOST):
         return []

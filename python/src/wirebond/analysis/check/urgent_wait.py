@@ -43,7 +43,7 @@ def urgent_wait(protocol: Protocol, budget: Budget) -> UrgentWait:
 
 
 def assess(protocol: Protocol, waits: list[UrgentWait], places: Places) -> list[Finding]:
-    """A wait that is longer than the direction's shortest period, or than half of its shortest deadline."""
+    """Report a wait that is longer than the direction's shortest period, or than half of its shortest deadline."""
     found = []
     for wait in waits:
         messages = [message for message in protocol.messages if message.sent_by(wait.sender)]

@@ -191,7 +191,7 @@ def _resets(dump: Dump, seconds: float) -> Diagnosis | None:
 
 
 def _is_over(starts: list[float], now: float, seconds: float) -> bool:
-    """The next start is overdue."""
+    """Return whether the next start is overdue."""
     longest = max(after - before for before, after in itertools.pairwise(starts))
     return now - starts[-1] > max(seconds, 2 * longest)
 
@@ -206,7 +206,7 @@ def _reset_finding(evidence: str) -> Diagnosis:
 
 
 def _two_writers(codec: Codec, received: list[DumpEntry], peer: End) -> Diagnosis | None:
-    """A frame in the middle of another one: without it the bytes around it are a frame."""
+    """Return a frame in the middle of another one: without it the bytes around it are a frame."""
     torn = 0
     for before, inner, after in zip(received, received[1:], received[2:], strict=False):
         if (before.kind, inner.kind, after.kind) != ("discarded", "frame", "discarded"):
@@ -258,8 +258,8 @@ def _lost_reads(dump: Dump, received: list[DumpEntry]) -> Diagnosis | None:
 
 
 def _other_format(codec: Codec, received: list[DumpEntry], peer: End) -> Diagnosis | None:
-    """The peer computes its check, or builds its frames, in another way: one change to the file fits the refused frames
-    together."""
+    """Return the peer computes its check, or builds its frames, in another way: one change to the file fits the refused
+    frames together."""
     refused = b"".join(_runs(received))[:_EXPLAINED_BYTES]
     together = explain(codec.model, refused, peer, quick=True).together
     if not together or together[0].changes not in _OF_PEER or together[0].fits < max(_LEAST, 0.6 * together[0].of):

@@ -46,7 +46,7 @@ def parity_of_seven_bits(data: bytes) -> Diagnosis | None:
 
 
 def other_settings(codec: Codec, peer: End, data: bytes, baud: int) -> Diagnosis | None:
-    """The rate or parity that explains the bytes best, if it does so clearly."""
+    """Return the rate or parity that explains the bytes best, if it does so clearly."""
     data = data[-_MOST_BYTES:]
     entropy = _entropy(data)
     if len(data) < _LEAST_BYTES or entropy < _LEAST_ENTROPY:

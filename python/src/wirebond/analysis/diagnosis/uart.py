@@ -9,7 +9,7 @@ from wirebond.protocol.model import Parity
 
 
 def misread(data: bytes, sent: tuple[float, Parity], heard: tuple[float, Parity], gaps: Sequence[int] = ()) -> bytes:
-    """The bytes that a receiver gets, framing and parity errors ignored as a tty in raw mode does.
+    """Return the bytes that a receiver gets, framing and parity errors ignored as a tty in raw mode does.
 
     :param sent: rate and parity of the sender; ``heard``: those of the receiver.
     :param gaps: offsets of bytes in front of which the line rests for two bytes.

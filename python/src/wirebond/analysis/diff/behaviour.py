@@ -68,7 +68,7 @@ def _silence(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterator[Chan
 
 
 def _stop(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterator[Change]:
-    """A stop cannot wait until both ends know it."""
+    """Yield the changes of the stop, which cannot wait until both ends know it."""
     if old.emergency_stop == new.emergency_stop:
         return
     effects = []

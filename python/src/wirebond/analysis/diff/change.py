@@ -113,7 +113,7 @@ class Change:
     is_gone: bool = False
 
     def breaks_between(self, new_end: End) -> bool:
-        """Does it break the link between this end with the new file and the other with the old one?"""
+        """Return whether it breaks the link between this end with the new file and the other with the old one."""
         return any(effect.breaks and effect.flow.new_end == new_end for effect in self.effects)
 
     def as_dict(self) -> dict[str, Any]:
@@ -128,7 +128,7 @@ class Change:
 def changed(
     what: str, sentence: str, effects: Iterable[Effect] = (), *, place: tuple[str | int, ...] = (), gone: bool = False
 ) -> Change:
-    """A change of the wire, with its verdict from its effects."""
+    """Return a change of the wire, with its verdict from its effects."""
     found = tuple(effects)
     verdict = Verdict.BREAKS if any(effect.breaks for effect in found) else Verdict.COMPATIBLE
     return Change(what, sentence, verdict, found, place, gone)
@@ -139,5 +139,5 @@ def harmless(what: str, sentence: str, *, place: tuple[str | int, ...] = ()) -> 
 
 
 def carries(sides: Sides, message: Message) -> bool:
-    """Does this direction's sender send this message?"""
+    """Return whether this direction's sender sends this message."""
     return message.sent_by(sides.flow.sender)

@@ -25,7 +25,7 @@ class Comparison:
         return sum(change.verdict == verdict for change in self.changes)
 
     def works(self, new_end: End) -> bool:
-        """Does this end with the new file understand the other with the old one, and is it understood?"""
+        """Return whether this end with the new file and the other with the old one understand each other."""
         return not any(change.breaks_between(new_end) for change in self.changes)
 
 

@@ -215,7 +215,7 @@ def _misspelled(sent: Field, read: Field, sides: Sides) -> Effect:
 
 
 def _sent_numbers(field: Field) -> tuple[int, int]:
-    """The least and the greatest number that a sender may put on the wire."""
+    """Return the least and the greatest number that a sender may put on the wire."""
     lowest, highest = wire_limits(field)
     if field.enum:
         return min(value for _, value in field.enum), max(value for _, value in field.enum)
@@ -255,8 +255,8 @@ def _amount_changes(a: Field, b: Field, old: Fields, new: Fields, where: Where) 
 
 
 def _counter(field: Field, beside: Fields) -> list[tuple[int | None, int | None, bool]]:
-    """The places among its fellows of the fields that count this one, of a run also that among the bits, and whether
-    each tells bytes."""
+    """Return the places among its fellows of the fields that count this one, of a run also that among the bits, and
+    whether each tells bytes."""
     found = []
     for name, _ in field.counters:
         outer, _, run = name.partition(".")

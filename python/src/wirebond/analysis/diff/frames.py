@@ -149,7 +149,7 @@ def _step_text(before: tuple[Part, ...], after: tuple[Part, ...], step: _Step) -
 
 
 def _with_step(old: Protocol, new: Protocol, step: _Step) -> Protocol | None:
-    """The old protocol with this one difference; None where no frame is left: what a check covers, where a frame
+    """Return the old protocol with this one difference; None where no frame is left: what a check covers, where a frame
     begins, or what tells a message is not there then."""
     before, after = old.format.parts, new.format.parts
     named = [
@@ -202,7 +202,8 @@ def _loses_others(sent: Protocol, read: Protocol, sender: End) -> str:
 
 
 def _sent_forms(plan: Plan) -> list[Form]:
-    """The forms that its messages leave with, where nobody asks for another: for each the first that carries it."""
+    """Return the forms that its messages leave with, where nobody asks for another: for each the first that carries
+    it."""
     own = plan.forms[: plan.own_forms]
     sizes = {size for row in plan.messages for size in (row.min_payload, row.max_payload)}
     chosen = [

@@ -14,7 +14,7 @@ from wirebond.protocol.planning import plan_for
 
 
 def header_changes(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterator[Change]:
-    """A field of another size moves what follows, which the parts tell."""
+    """Yield the changes of header fields. A field of another size moves everything after it, which the parts report."""
     before = {field.name: field.value for field in header_fields(old.format.parts)}
     for field in header_fields(new.format.parts):
         was = before.get(field.name)

@@ -32,7 +32,7 @@ def message_changes(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterat
 
 
 def _renamed(before: dict[str, Message], after: dict[str, Message]) -> dict[str, str]:
-    """The old name by the new one, where id, sender and what lies in the payload are the same."""
+    """Return the old name by the new one, where id, sender and what lies in the payload are the same."""
     found: dict[str, str] = {}
     for name, message in after.items():
         if name in before:
@@ -197,7 +197,7 @@ def _identity(message: Message) -> str:
 
 
 def _still_it(sides: Sides, old: Message, new: Message) -> bool:
-    """Does the receiver still take every frame of the sender for the message?"""
+    """Return whether the receiver still takes every frame of the sender for the message."""
     sent, read = (new, old) if sides.flow.from_new else (old, new)
     return covers(read, sent)
 

@@ -56,7 +56,7 @@ def _other_scale(a: Field, b: Field, where: Where) -> Change:
 
 
 def _telling_number(field: Field) -> Fraction:
-    """A number on the wire that makes a good example: the one of the value 1, if it has one."""
+    """Return a number on the wire that makes a good example: the one of the value 1, if it has one."""
     wire = (1 - field.offset) / field.scale
     if field.is_float:
         return wire

@@ -43,7 +43,7 @@ class _Walk:
     counts: dict[str, int] = field(default_factory=dict)
 
     def read(self, steps: tuple[Step, ...], path: str) -> int:
-        """The most bytes that these steps take."""
+        """Return the most bytes that these steps take."""
         most = 0
         numbers: dict[str, int] = {}
         for step in steps:

@@ -57,8 +57,8 @@ def _meant(key: Heard[tuple[Message, ...]]) -> list[Message]:
 
 
 def examine(protocol: Protocol, data: bytes, sender: End | None, *, block: bytes | None = None) -> Verdict:
-    """The verdict on the candidate that begins with ``data``. ``block``: where its size is known to be ``len(data)``,
-    what it was before unstuffing.
+    """Return the verdict on the candidate that begins with ``data``. ``block``: where its size is known to be
+    ``len(data)``, what it was before unstuffing.
 
     Of several forms the first that holds; else the refusal of the one that got furthest. Pure; work is one pass over
     at most one frame for each form.
@@ -124,7 +124,7 @@ class _Examination:
         )
 
     def _go_through(self) -> int:
-        """The frame's size, or _Decided."""
+        """Return the frame's size, or _Decided."""
         parts, shape = self.parts, self.shape
         at, before, prefix, early_id = shape.payload_at, shape.before, shape.prefix, shape.tells_id_early
         self._constants_and_choices(before)
@@ -178,7 +178,7 @@ class _Examination:
         return _Decided(Outcome.INCOMPLETE, Cause.INCOMPLETE, size)
 
     def _constants_and_choices(self, before: list[tuple[int, int]]) -> None:
-        """A choice is asked as soon as its number is there, also where a constant behind it is not."""
+        """Check a choice as soon as its number is known, even if a constant after it is not."""
         missing: _Decided | None = None
         try:
             for index, (start, _) in enumerate(before):
@@ -313,7 +313,7 @@ class _Examination:
         return size
 
     def _counted_size(self, message: Message, prefix: int) -> int:
-        """The message's own size, or what its counts tell."""
+        """Return the message's own size, or what its counts tell."""
         if message.min_payload == message.max_payload:
             return message.max_payload
         return self._end_of(message.layout, prefix, prefix) - prefix
@@ -394,7 +394,7 @@ class _Examination:
             self._rule(Question.MESSAGE, self.shape.id_at, fits, expected, str(size), Cause.UNKNOWN_MESSAGE, extent)
 
     def _counts_allow(self, start: int, size: int, extent: int) -> None:
-        """A payload that is longer than the counts in it tell is refused where unknown sizes are."""
+        """Refuse a payload that is longer than its counts say, if unknown sizes are refused."""
         if self.protocol.format.deliver_unknown or self.message is None:
             return
         if self.parts[self.shape.payload_at].payload not in (PayloadRule.BY_LENGTH, PayloadRule.REST):

@@ -69,7 +69,7 @@ def explain(
 
 
 def most_bytes(protocol: Protocol) -> int:
-    """That can be explained at once."""
+    """Return how many bytes can be explained at once."""
     return max(MOST_BYTES, protocol.max_wire_bytes())
 
 
@@ -169,7 +169,7 @@ class _Stretches:
         return f"{message.name} needs {message.min_payload} payload bytes, and here are {payload[1] - payload[0]}"
 
     def _with_delimiters(self, rows: tuple[Row, ...], start: int, begin: int, end: int, stop: int) -> tuple[Row, ...]:
-        """The bytes around the content [begin, end) of what lies in [start, stop)."""
+        """Return the bytes around the content [begin, end) of what lies in [start, stop)."""
         marks = [
             Row("delimiter", 0, at, self._data[at:behind], b"", text, State.GOOD)
             for at, behind, text in ((start, begin, "opens the frame"), (end, stop, "ends the frame"))

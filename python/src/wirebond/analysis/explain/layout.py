@@ -28,7 +28,7 @@ def payload_index(parts: tuple[Part, ...]) -> int:
 
 
 def index_with(parts: tuple[Part, ...], kind: PartKind, role: BitRole) -> int | None:
-    """The part of this kind, or the one with such a run of bits."""
+    """Return the part of this kind, or the one with such a run of bits."""
     found = (i for i, p in enumerate(parts) if p.kind == kind or any(run.role == role for run in p.bits))
     return next(found, None)
 
@@ -80,7 +80,7 @@ def counted_beside_payload(parts: tuple[Part, ...], index: int) -> int:
 
 
 def covered_bytes(parts: tuple[Part, ...], index: int, data: bytes, places: list[tuple[int, int]]) -> bytes:
-    """The bytes that a check covers, in its order. ``places``: of all parts in ``data``."""
+    """Return the bytes that a check covers, in its order. ``places``: of all parts in ``data``."""
     part = parts[index]
     run = part.in_bits
     if run is not None and index - 1 in part.covered:  # its own bits count as zeros
@@ -105,7 +105,7 @@ def found_check(parts: tuple[Part, ...], index: int, data: bytes, places: list[t
 
 
 def with_check(parts: tuple[Part, ...], index: int, data: bytes, places: list[tuple[int, int]], value: bytes) -> bytes:
-    """The frame with this value, as `check_value` gives it, as its check."""
+    """Return the frame with this value, as `check_value` gives it, as its check."""
     run = parts[index].in_bits
     start, stop = places[index if run is None else index - 1]
     if run is not None:

@@ -136,7 +136,7 @@ def search_sender(case: Case) -> Search:
 
 
 def search_unstuffed(case: Case) -> Search:
-    """The guesses about stuffing, for which the block is all that was given."""
+    """Return the guesses about stuffing, for which the block is all that was given."""
     hunt = _Hunt(case)
     hunt.run(_Family(0.30, damage.without_delimiters, Changes.NOTHING), case)
     return hunt.result()

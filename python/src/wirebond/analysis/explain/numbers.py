@@ -13,7 +13,7 @@ ReadNumber = tuple[Any, str, str]  # value, text, fault
 
 
 def raw_number(field: Field, data: bytes) -> int:
-    """The bits of a number in these bytes."""
+    """Return the bits of a number in these bytes."""
     return int.from_bytes(data, "big" if field.order == ByteOrder.BIG else "little")
 
 

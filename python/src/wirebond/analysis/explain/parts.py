@@ -192,7 +192,7 @@ def _field(context: Context) -> str:
 
 
 def header_text(header: HeaderField, number: int) -> str:
-    """A header field's value; of an address whose it is."""
+    """Return a header field's value; of an address whose it is."""
     text = number_of(header.value, number)[1]
     if header.address is None:
         return text
@@ -203,7 +203,8 @@ def header_text(header: HeaderField, number: int) -> str:
 
 
 def header_values(parts: tuple[Part, ...], data: bytes, payload_size: int) -> tuple[dict[str, Any], list[str]]:
-    """The header fields of a whole frame by name, as the Python API gives them, and the rules that they break."""
+    """Return the header fields of a whole frame by name, as the Python API gives them, and the rules that they
+    break."""
     found: dict[str, Any] = {}
     faults = []
 

@@ -48,7 +48,7 @@ class _Rows:
         self.rows: list[Row] = []
 
     def _add(self, name: str, level: int, start: int, stop: int, text: str, state: State) -> None:
-        """A row for the frame's bytes [start, stop). Nothing where there are none."""
+        """Add a row for the frame's bytes [start, stop); none if there are no bytes."""
         stop = min(stop, len(self.content.data))
         if start >= stop:
             return

@@ -59,7 +59,7 @@ class Scan:
         return Counter(Cause.NO_START if c is None else c.cause for c in self.blamed.values())
 
     def reject(self, candidate: Candidate) -> None:
-        """A candidate that is not rescanned: all its bytes carry its cause."""
+        """Reject a candidate without a rescan: all its bytes get its cause."""
         self.rejected[candidate.cause] += 1
         self.blamed.update(dict.fromkeys(range(candidate.offset, candidate.offset + candidate.extent), candidate))
 
@@ -78,7 +78,7 @@ def scan(protocol: Protocol, stream: bytes, sender: End | None) -> Scan:
 
 
 def start_bytes(protocol: Protocol, sender: End | None) -> set[int]:
-    """The values that a frame's first byte can have, as far as its constants tell."""
+    """Return the values that a frame's first byte can have, as far as its constants tell."""
     starts = set()
     for form in forms(protocol, sender):
         first = form.parts[0]
@@ -149,7 +149,8 @@ def _examine_start(protocol: Protocol, stream: bytes, sender: End | None, at: in
 
 
 def _between_delimiters(protocol: Protocol, stream: bytes, sender: End | None, delimiter: bytes) -> Scan:
-    """A delimiter that may open a frame belongs to what follows a failed block; one that only ends them does not."""
+    """Scan the bytes between delimiters. A delimiter that may open a frame belongs to the bytes after a failed
+    block; one that only ends frames does not."""
     result = Scan()
     opens = protocol.format.opening is not None
     at = 0
@@ -261,7 +262,7 @@ def _unended(
 def _examine_block(
     protocol: Protocol, stream: bytes, sender: End | None, offset: int, begin: int, end: int, closing: int
 ) -> Found | Candidate:
-    """``closing``: bytes of the delimiter behind the block."""
+    """Examine a block. ``closing``: bytes of the delimiter after it."""
     frame_format = protocol.format
     block = stream[begin:end]
     longest = longest_frame(protocol, sender)

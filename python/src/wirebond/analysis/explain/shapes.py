@@ -36,7 +36,7 @@ def _forms(key: Heard[FrameFormat]) -> list[FormParts]:
 
 
 def forms(protocol: Protocol, sender: End | None) -> list[FormParts]:
-    """The forms that a frame can have, by magic and by the header's bits; most formats have one."""
+    """Return the forms that a frame can have, by magic and by the header's bits; most formats have one."""
     return _forms(Heard(protocol.format, sender))
 
 

@@ -91,7 +91,8 @@ class SizedVerdict:
 
 
 def examine_sized(protocol: Protocol, data: bytes, sender: End | None) -> SizedVerdict:
-    """The verdict on the candidate that begins with ``data``, as ``examine`` gives it for frames without stuffing."""
+    """Return the verdict on the candidate that begins with ``data``, as ``examine`` gives it for frames without
+    stuffing."""
     frame_format = protocol.format
     _, back = plain_sizes(frame_format)
     parts = forms(protocol, sender)[0].parts

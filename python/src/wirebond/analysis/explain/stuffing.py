@@ -61,8 +61,8 @@ def stuff(frame_format: FrameFormat, data: bytes) -> bytes:
 
 
 def _uncobs(_: FrameFormat, block: bytes) -> Unstuffed | Impossible:
-    """A code says how far it is to the next code. Each code but the first, and but those behind 0xFF, stands where
-    the frame has a zero."""
+    """Remove COBS. A code is the distance to the next code. Each code is at the place of a zero of the frame, except
+    the first and those after 0xFF."""
     data = bytearray()
     places: list[tuple[int, int]] = []
     added: list[tuple[int, str]] = []

@@ -27,7 +27,8 @@ ALONE = Together(1, 1)
 
 
 def chance_of(values: float, tried: int, together: Together) -> float:
-    """That one of ``tried`` guesses fits as many of the frames or more, if each fits a frame in 1 of ``values`` cases.
+    """Return the chance that one of ``tried`` guesses fits as many of the frames or more, if each fits a frame in 1 of
+    ``values`` cases.
 
     The upper tail of the binomial distribution, and the chance that the best of the guesses reaches it.
     """

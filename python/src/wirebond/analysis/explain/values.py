@@ -43,7 +43,8 @@ class Reading:
 
 
 def read_fields(message: Message, payload: bytes) -> list[Reading]:
-    """The fields that the payload holds whole, in wire order; those behind a payload that is too short are left out.
+    """Return the fields that the payload holds whole, in wire order; those behind a payload that is too short are left
+    out.
 
     Padding has a reading, and no value.
     """
@@ -149,7 +150,7 @@ class _Walk:
 
 
 def _most(step: List, promised: int | None) -> int:
-    """The most elements that there may be."""
+    """Return the most elements that there may be."""
     return step.field.max_count if promised is None else min(promised, step.field.max_count)
 
 
@@ -220,8 +221,8 @@ def _in_characters(field: Field, digits: Digits, start: int, data: bytes, faults
 
 
 def _spelled_number(field: Field, digits: Digits, spelled: str) -> int | None:
-    """The whole number that these characters spell; None where they spell none that the field's type holds. What stands
-    behind the last decimal is rounded, halves away from zero."""
+    """Return the whole number that these characters spell; None where they spell none that the field's type holds. What
+    stands behind the last decimal is rounded, halves away from zero."""
     if digits.base == 16:
         found = re.fullmatch(r" *\+?([0-9A-Fa-f]+)", spelled)
         number = int(found[1], 16) if found else None
@@ -259,7 +260,7 @@ def _string(walk: _Walk, field: Field, promised: int | None) -> tuple[bytes, tup
 
 
 def _without_end(data: bytes, field: Field) -> bytes:
-    """The value of a string. One whose end is missing keeps its last byte."""
+    """Return the value of a string. One whose end is missing keeps its last byte."""
     return data if field.ends_with is None else data.removesuffix(bytes([field.ends_with]))
 
 

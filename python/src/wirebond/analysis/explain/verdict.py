@@ -96,7 +96,7 @@ class Verdict:
         return message.name if message is not None and long_enough else "unknown"
 
     def payload_of(self, data: bytes) -> bytes:
-        """The payload in the frame's bytes, with the zeros that were not sent."""
+        """Return the payload in the frame's bytes, with the zeros that were not sent."""
         start, stop = self.payload or (0, 0)
         payload = data[start:stop]
         return payload.ljust(self.message.min_payload, b"\0") if self.message and self.trims_zeros else payload

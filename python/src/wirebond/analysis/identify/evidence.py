@@ -37,7 +37,7 @@ class Background:
         object.__setattr__(self, "bits", tuple(-math.log2((count + 0.5) / total) for count in self.counts))
 
     def share(self, values: Sequence[int]) -> float:
-        """The part of the stream's bytes that have one of these values."""
+        """Return the part of the stream's bytes that have one of these values."""
         return min(1.0, sum(self.counts[value] + 0.5 for value in values) / (self.size + 128))
 
     def mean_bits(self, data: bytes) -> float:
@@ -50,7 +50,7 @@ class Background:
 
 
 def background(data: bytes) -> Background:
-    """The byte values of this stream."""
+    """Return the byte values of this stream."""
     return Background(tuple(data.count(value) for value in range(256)), len(data))
 
 

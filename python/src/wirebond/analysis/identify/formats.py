@@ -114,7 +114,7 @@ class Known:
 
 
 def known_formats(also: Iterable[Path] = ()) -> Known:
-    """The project's files, the public formats, and those of ``also``: files, or folders of them.
+    """Return the project's files, the public formats, and those of ``also``: files, or folders of them.
 
     :raises ProtocolFileError: a file that was named itself is wrong.
     """

@@ -58,7 +58,7 @@ class Heard:
 
 
 def lines_for(formats: Sequence[Format]) -> list[Line]:
-    """The usual rates without parity, and behind the first of them what the formats themselves say."""
+    """Return the usual rates without parity, and behind the first of them what the formats themselves say."""
     usual = [Line(baud) for baud in USUAL]
     told = [
         Line(each.model.link.baud, each.model.link.parity, round(each.model.link.stop_bits))
@@ -92,7 +92,7 @@ def search(lines: Sequence[Line], listen: Listen, formats: Sequence[Format]) -> 
 
 
 def best_of(heard: Sequence[Heard]) -> Heard:
-    """The setting with the most evidence; where nothing fits, the one that gave the most bytes."""
+    """Return the setting with the most evidence; where nothing fits, the one that gave the most bytes."""
     fitting = [one for one in heard if one.candidates and one.candidates[0].fits]
     if fitting:
         return max(fitting, key=lambda one: one.evidence)

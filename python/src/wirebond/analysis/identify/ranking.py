@@ -57,7 +57,7 @@ class Candidate:
         return self.frame_bytes / self.size if self.size else 0.0
 
     def shared_with(self, other: Candidate) -> float:
-        """The part of this one's bytes in frames that lie in frames of the other, too."""
+        """Return the part of this one's bytes in frames that lie in frames of the other, too."""
         others = bytearray(self.size)
         for begin, end in other.places:
             others[begin:end] = b"\1" * (end - begin)

@@ -72,7 +72,7 @@ class Check:
 def best_check(
     frames: Sequence[bytes], start: int, tail: int, *, in_front: bool, whole: Sequence[range] = ()
 ) -> Check | None:
-    """The widest check that most frames have; of equal ones the one that fits most, and covers most.
+    """Return the widest check that most frames have; of equal ones the one that fits most, and covers most.
 
     :param start: bytes that every frame begins with.
     :param tail: bytes that every frame ends with. The check stands before them.
@@ -85,7 +85,7 @@ def best_check(
 
 
 def header_check(frames: Sequence[bytes], start: int, before: int) -> Check | None:
-    """A check over the first bytes of a frame alone, which stands in front of byte ``before``.
+    """Return a check over the first bytes of a frame alone, which stands in front of byte ``before``.
 
     Headers are often alike: each is counted once.
     """
@@ -100,7 +100,7 @@ def header_check(frames: Sequence[bytes], start: int, before: int) -> Check | No
 
 
 def _often(frames: Sequence[bytes], size: int) -> list[bytes]:
-    """The first bytes of frames; those of damaged ones come once."""
+    """Return the first bytes of frames; those of damaged ones come once."""
     counts = Counter(frame[:size] for frame in frames if len(frame) > size)
     again = [head for head, count in counts.items() if count > 1]
     return again if len(again) >= _LEAST_UNLIKE else list(counts)
@@ -136,12 +136,13 @@ def _best(frames: Sequence[bytes], places: Iterator[Place], least: float = _LEAS
 
 
 def _unlike(frames: Sequence[bytes]) -> list[bytes]:
-    """The shortest frames of those that differ: of short ones fewer are damaged, and what repeats proves nothing."""
+    """Return the shortest frames of those that differ: of short ones fewer are damaged, and what repeats proves
+    nothing."""
     return sorted(dict.fromkeys(frames), key=len)[:_MOST_FRAMES]
 
 
 def _places(frames: Sequence[bytes], start: int, tail: int, *, in_front: bool) -> Iterator[Place]:
-    """The widest first, and of each those that cover most."""
+    """Yield the places, the widest first, and of each width those that cover most."""
     least = min(map(len, frames))
     digits = sum(_ends_with_digits(frame, tail) for frame in frames) > 0.8 * len(frames)
     for size in (4, 3, 2, 1):

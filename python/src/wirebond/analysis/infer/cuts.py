@@ -85,7 +85,7 @@ class Between:
     stuffing: str
 
     def spelled(self, parts: str) -> str:
-        """The stuffed parts, as a file has them."""
+        """Return the stuffed parts, as a file has them."""
         return f"{self.stuffing}: {parts}"
 
 
@@ -110,7 +110,7 @@ class Cut:
 
 
 def cuts_of(data: bytes) -> list[Cut]:
-    """The most promising ways, the one that covers most of the stream first."""
+    """Return the most promising ways, the one that covers most of the stream first."""
     found = [*_between(data), *_by_start(data)]
     found.sort(key=lambda cut: (-cut.covered, isinstance(cut.rule, Sizes), len(cut.start)))
     unlike: list[Cut] = []

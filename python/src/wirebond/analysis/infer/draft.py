@@ -101,7 +101,7 @@ class _Writer:
         return [*opening, f"  - {rule.stuffing}:", *inside, closing]
 
     def _header(self) -> tuple[list[_Line], int | None]:
-        """The parts before the payload, and where the id is."""
+        """Return the parts before the payload, and where the id is."""
         cut, rule = self.cut, self.cut.rule
         lines: list[_Line] = []
         if cut.start:
@@ -164,8 +164,8 @@ class _Writer:
         return places
 
     def _id_place(self, end: int) -> int | None:
-        """The column that tells best how long a frame is, of those with a few values; one right behind the length
-        first. Where all frames have one size, nothing speaks for another one than the first."""
+        """Return the column that tells best how long a frame is, of those with a few values; one right behind the
+        length first. Where all frames have one size, nothing speaks for another one than the first."""
         start = len(self.cut.start)
         if isinstance(self.cut.rule, Fixed):
             of = column(self.frames, start)
@@ -309,8 +309,8 @@ class _Writer:
 
 
 def draft(cut: Cut, check: Check | None, name: str, source: str, sender: End, *, with_id: bool = True) -> Draft | None:
-    """The file for frames that are cut and checked so. None where the check begins or ends within a part: no file can
-    say that.
+    """Return the file for frames that are cut and checked so. None where the check begins or ends within a part: no
+    file can say that.
 
     :param source: where the bytes are from, for the first line.
     :param sender: whose bytes they are.
@@ -333,7 +333,7 @@ def _name_of(parts: Iterable[_Line]) -> str:
 
 
 def _rounded(most: int) -> int:
-    """The next power of two, 16 at least: longer frames than those seen are likely to come."""
+    """Return the next power of two, 16 at least: longer frames than those seen are likely to come."""
     return max(16, 1 << (most - 1).bit_length())
 
 

@@ -43,7 +43,8 @@ class Inference:
 
 
 def infer(data: bytes, name: str = "inferred", source: str = "a capture", sender: End = End.MCU) -> Inference | None:
-    """The most likely format of bytes that no known format explains. None where nothing in them repeats as frames do.
+    """Return the most likely format of bytes that no known format explains. None where nothing in them repeats as
+    frames do.
 
     It takes some seconds; pure, any thread.
 

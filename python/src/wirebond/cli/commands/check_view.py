@@ -48,7 +48,7 @@ def _print_finding(path: Path, finding: Finding) -> None:
 
 
 def _print_wrapped(label: str, text: str) -> None:
-    """A hanging indent under the label; a number and its unit stay on one line."""
+    """Print with a hanging indent under the label; a number and its unit stay on one line."""
     lines = textwrap.wrap(
         _NUMBER_AND_UNIT.sub(_NO_BREAK, text),
         max(40, min(_WIDEST, console.width) - len(label)),
@@ -102,7 +102,7 @@ _Row = TypeVar("_Row", bound=_OneWay)
 
 
 def _both(rows: Sequence[_Row], text_of: Callable[[_Row], str]) -> str:
-    """A clause for each direction, or one for both where they say the same."""
+    """Return a clause for each direction, or one for both where they say the same."""
     texts = [text_of(row) for row in rows]
     if len(rows) > 1 and len(set(texts)) == 1:
         return f"{texts[0]}, both ways"

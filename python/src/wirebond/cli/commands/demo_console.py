@@ -28,7 +28,7 @@ _STEP = 0.1  # seconds between two steps of the drive
 
 
 def run_in_console(seconds: float | None, open_browser: bool) -> int:
-    """Returns the exit code: 1 when nothing was received."""
+    """Run the demo in the console. Return the exit code: 1 if nothing was received."""
     program = rover_program()
     codec = load(rover.protocol_file())
     with ExitStack() as stack:

@@ -11,7 +11,7 @@ from wirebond.sim.build import shipped
 
 
 def rover_program() -> Path:
-    """The compiled rover. Compiling takes seconds, so the terminal says it.
+    """Return the compiled rover. Compiling takes seconds, so the terminal says it.
 
     :raises WirebondError: there is no C++ compiler, or it fails.
     :raises UsageError: this is not Linux.

@@ -15,7 +15,7 @@ LANGUAGES = {"en": markdown, "zh": chinese_document}
 
 
 def write_document(path: Path, out: Path | None, language: str = "en") -> None:
-    """A document is made from its protocol file, so that writing it again may replace it; the file itself never."""
+    """Write the document of a protocol file. It replaces an older document, but never the protocol file itself."""
     if language not in LANGUAGES:
         raise UsageError(f"--language is {language}; expected en or zh")
     text = LANGUAGES[language](load(path))

@@ -19,7 +19,7 @@ _REFRESH = 0.1  # seconds
 
 
 def dump_port(path: Path, port: str, baud: int | None, seconds: float | None, as_json: bool) -> int:
-    """Listens, and prints all that is kept at the end. Exit code 1 where no byte came or went."""
+    """Listen, and print everything that is kept at the end. Exit code 1 if no byte came or left."""
     with open_link(path, port, baud, hold_back=False, listen="all") as link:
         errors.print(f"listening on {plain(link.port)}" + (" until Ctrl-C" if seconds is None else ""), style="dim")
         with ended_by_signals():
@@ -41,7 +41,7 @@ def save(link: Link, path: Path) -> None:
 
 
 def dump_text(dump: Dump) -> str:
-    """A line for each entry: seconds before the end, direction, kind, bytes, meaning."""
+    """Return a line for each entry: seconds before the end, direction, kind, bytes, meaning."""
     lines = [f"# {dump.codec.name}: seconds before the end; < received, > sent, - the port"]
     if dump.dropped_bytes:
         lines.append(f"# {dump.dropped_bytes} older bytes are not kept")
@@ -50,7 +50,7 @@ def dump_text(dump: Dump) -> str:
 
 
 def dump_json(dump: Dump) -> str:
-    """A JSON object a line."""
+    """Return a JSON object a line."""
     return "".join(to_json(entry_dict(entry, dump)) + "\n" for entry in dump.entries)
 
 

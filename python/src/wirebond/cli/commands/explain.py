@@ -62,7 +62,7 @@ def _most_telling(codec: Codec, data: bytes, sender: str | None) -> bytes:
 
 
 def _peers(path: Path, own: Protocol) -> list[Protocol]:
-    """The protocols beside this file, and those that come with the package."""
+    """Return the protocols beside this file, and those that come with the package."""
     folders = (path.parent, paths.protocols())
     files = {file.resolve() for folder in folders for file in folder.glob("*.yaml") if file.is_file()}
     files.discard(path.resolve())

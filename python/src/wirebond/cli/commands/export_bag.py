@@ -15,7 +15,7 @@ from wirebond.ros2.serving import mapping_for
 def export_bag(
     path: Path, message: str | None, folder: Path, protocol: Path | None, mapping: Path | None, force: bool
 ) -> int:
-    """Prints the bag's folder."""
+    """Write the bag, and print its folder."""
     recording = read(path, protocol)
     for problem in recording.problems:
         warn(problem)

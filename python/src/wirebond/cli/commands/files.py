@@ -20,7 +20,7 @@ _CHUNK = 65536  # bytes read at a time
 
 
 def find_message(model: Protocol, name: str) -> Message:
-    """The message of this name, or a MessageError that lists the names there are."""
+    """Return the message of this name, or a MessageError that lists the names there are."""
     try:
         return model.message(name)
     except KeyError:

@@ -22,7 +22,7 @@ def identify_bytes(source: str | None, hex_text: str | None, also: Sequence[Path
 
 
 def formats_with(also: Sequence[Path]) -> Known:
-    """The formats to try; files that cannot be used are named on stderr."""
+    """Return the formats to try; files that cannot be used are named on stderr."""
     known = known_formats(also)
     for path, reason in known.unreadable.items():
         errors.print(f"{plain(str(path))} is left out: {plain(reason.splitlines()[0])}")

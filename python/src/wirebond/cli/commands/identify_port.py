@@ -19,7 +19,7 @@ DEFAULT_SECONDS = 2.0  # at each setting
 
 
 def is_port(source: str) -> bool:
-    """Does this name a port, and not a capture?"""
+    """Return whether this names a port, and not a capture."""
     if source.startswith(("usb:", "/dev/")) or "://" in source:
         return source not in ("/dev/stdin", "/dev/null")
     if is_com_port(source):

@@ -77,7 +77,7 @@ def same_wire(candidates: Sequence[Candidate]) -> list[Candidate]:
 
 
 def verdict(candidates: Sequence[Candidate]) -> list[str]:
-    """The last words where something fits."""
+    """Return the last words where something fits."""
     best, *others = (one for one in candidates if one.fits)
     twins = same_wire(candidates)
     said = []

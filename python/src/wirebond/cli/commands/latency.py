@@ -41,7 +41,7 @@ def measure_latency(
     as_json: bool,
     plot: Path | None,
 ) -> int:
-    """The exit code: 0 where an answer came, 1 where none did, 3 where the port was away at the end."""
+    """Measure, and return the exit code: 0 if an answer came, 1 if none did, 3 if the port was away at the end."""
     codec = load(path)
     if words and message is None:
         raise UsageError("fields are those of --message; name the request")
@@ -96,7 +96,7 @@ def _within(option: str, given: float | None, default: float, most: float, unit:
 
 
 def _wait_for_clock(link: Link) -> None:
-    """A moment for the exchanges at the beginning, so that one-way times are there from the first question on."""
+    """Wait for the first clock exchanges, so that one-way times exist from the first question on."""
     end = time.monotonic() + _KNOWN_WAIT
     has_clock = link.codec.model.service("clock") is not None
     while has_clock and time.monotonic() < end and ((clock := link.clock) is None or clock.exchanges < 5):

@@ -29,7 +29,7 @@ def print_layouts(path: Path, codec: Codec) -> None:
 
 
 def layout_json(steps: tuple[Step, ...]) -> list[dict[str, Any]]:
-    """The steps as JSON has them."""
+    """Return the steps as JSON has them."""
     found = []
     for step in steps:
         one = step.field

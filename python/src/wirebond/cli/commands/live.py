@@ -137,7 +137,7 @@ def _print_messages(link: Link, seconds: float | None, as_json: bool, is_verbose
 
 
 def _is_over(link: Link) -> bool:
-    """A replay that has ended does not come back."""
+    """Return whether a replay has ended; it does not come back."""
     return link.port.startswith("replay:") and link.state == "down"
 
 

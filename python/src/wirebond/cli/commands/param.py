@@ -33,7 +33,7 @@ class Access:
 
     @contextmanager
     def opened(self) -> Iterator[tuple[Parameters, float]]:
-        """The parameters, and the seconds for each answer."""
+        """Yield the parameters, and the seconds for each answer."""
         codec = load(self.path)
         header = parse_header(codec.model, self.header_words)
         timeout = DEFAULT_TIMEOUT if self.timeout is None else self.timeout
@@ -142,7 +142,7 @@ def _number(name: str, text: str) -> float:
 
 @contextmanager
 def _progress(what: str) -> Iterator[Progress]:
-    """A line in the terminal while it lasts."""
+    """Show a line in the terminal while it lasts."""
     with errors.status(f"{what} parameters") as status:
 
         def progress(done: int, all_of_them: int) -> Any:

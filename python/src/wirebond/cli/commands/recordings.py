@@ -24,7 +24,7 @@ Progress = Callable[[int, int], object]
 
 @contextmanager
 def progress_bar(what: str) -> Iterator[Progress | None]:
-    """A bar on stderr, where that is a terminal."""
+    """Show a bar on stderr, if that is a terminal."""
     if not sys.stderr.isatty():
         yield None
         return
@@ -69,7 +69,7 @@ def _close(path: Path) -> bool:
 
 
 def export_recording(path: Path, to: str, message: str | None, folder: Path, protocol: Path | None, force: bool) -> int:
-    """Prints the files."""
+    """Export the recording, and print the files."""
     recording = read(path, protocol)
     for problem in recording.problems:
         warn(problem)

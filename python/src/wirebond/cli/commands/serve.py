@@ -161,7 +161,7 @@ def _refuse_without_unix_sockets(given: Serving) -> None:
 
 
 def _behind(address: tuple[str, int] | None, number: int) -> tuple[str, int] | None:
-    """The address of the link with this number: each has the port behind that of the one before.
+    """Return the address of the link with this number: each has the port behind that of the one before.
 
     :raises UsageError: there is none.
     """
@@ -181,7 +181,7 @@ def _topics(codec: Codec, path: Path | None) -> BridgeMapping:
 
 
 def _serve_page_alone(given: Serving) -> None:
-    """The page chooses the port and the protocol."""
+    """Serve only the page, which then chooses the port and the protocol."""
     if given.web is None or given.port is not None or given.tcp is not None or given.record is not None or given.ros2:
         raise UsageError("give FILE and PORT; without both, only --web is possible: the page then chooses them")
     with ended_by_signals(), shown_server_log(), _console(web_address(given.web), given) as console:

@@ -55,7 +55,7 @@ def problems_of(error: ProtocolFileError) -> list[dict[str, Any]]:
 
 
 def imported(header: str, name: str) -> dict[str, Any]:
-    """A protocol file of what a C header says.
+    """Return a protocol file made from a C header.
 
     :raises UsageError: it says nothing that can be used; the sentence has its lines.
     """

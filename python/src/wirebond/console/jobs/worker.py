@@ -82,7 +82,7 @@ class Worker:
         return self._process
 
     def _ended(self, process: subprocess.Popen[bytes]) -> int:
-        """The exit code of a process that has ended, or does."""
+        """Wait until a process has ended; return its exit code."""
         self._process = None
         with suppress(BrokenPipeError), process:
             pass
@@ -95,7 +95,7 @@ class Worker:
 
 
 def as_json(work: Callable[..., object], args: tuple[Any, ...], keywords: dict[str, Any]) -> bytes:
-    """A job around a job: its result as JSON, so that its size costs this program little."""
+    """Return a job around a job: its result as JSON, so that its size costs this program little."""
     return encode(plain(work(*args, **keywords)))
 
 
@@ -107,7 +107,7 @@ def write(pipe: IO[bytes], value: Any) -> None:
 
 
 def read(pipe: IO[bytes]) -> Any:
-    """The next value.
+    """Return the next value.
 
     :raises EOFError: there is none.
     """

@@ -46,7 +46,7 @@ def generate_c(protocol: Protocol, out: Path, *, amalgamate: bool = False) -> li
 
 
 def c_files(protocol: Protocol, *, amalgamate: bool = False) -> dict[str, str]:
-    """The text of each file that ``generate_c`` writes, by its name in the folder."""
+    """Return the text of each file that ``generate_c`` writes, by its name in the folder."""
     core, texts = core_headers(), c_texts(protocol)
     cpp = {f"{protocol.name}.hpp": cpp_header(protocol), f"{protocol.name}_link.hpp": link_header(protocol)}
     if amalgamate:
@@ -57,7 +57,8 @@ def c_files(protocol: Protocol, *, amalgamate: bool = False) -> dict[str, str]:
 
 
 def c_texts(protocol: Protocol) -> dict[str, str]:
-    """The texts of ``<protocol>.h`` and ``.cpp``, and of ``<protocol>_link.h`` and ``.cpp``, by the files' names."""
+    """Return the texts of ``<protocol>.h`` and ``.cpp``, and of ``<protocol>_link.h`` and ``.cpp``, by the files'
+    names."""
     values = _view(protocol)
     return {
         f"{header_name(protocol.name)}.h": render("c.h.j2", **values),
@@ -189,7 +190,7 @@ def _messages(
     encoders: dict[str, list[tuple[str, str]]],
     header_encoders: dict[str, list[tuple[str, str]]],
 ) -> tuple[list[MessageView], Declarations]:
-    """The messages, and what the file's types declare."""
+    """Return the messages, and what the file's types declare."""
     types, structs = shapes(protocol)
     declarer.named(types)
     shared = declarer.take()
@@ -281,7 +282,8 @@ _ASKED_BYTES = 24  # that a receiver takes more where the MCU's frames say whose
 
 
 def _sequence_bytes(protocol: Protocol, plan: Plan) -> int:
-    """That a receiver takes more where frames have a sequence number: `SequenceWatch` of wirebond/sequence.hpp."""
+    """Return the additional bytes of a receiver for frames with a sequence number: `SequenceWatch` of
+    wirebond/sequence.hpp."""
     if plan.sequence is None:
         return 0
     number = next(size for size in (1, 2, 4, 8) if plan.header[plan.sequence].value.width <= 8 * size)

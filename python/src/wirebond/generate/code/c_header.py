@@ -40,7 +40,7 @@ def header_view(protocol: Protocol, names: Names, declarer: Declarer) -> HeaderV
 
 
 def c_address_type(protocol: Protocol) -> str:
-    """The type of an address in C; empty where the header has none."""
+    """Return the type of an address in C; empty where the header has none."""
     return address_type(protocol).removeprefix("std::")
 
 
@@ -57,8 +57,8 @@ def names_asked(protocol: Protocol, sender: End) -> bool:
 
 
 def handlers_with_header(prefix: str, messages: list[str]) -> dict[str, str]:
-    """The member of a table of functions that takes a message and its header: ``on_velocity_with_header``. None of them
-    is another message's member."""
+    """Return the member of a table of functions that takes a message and its header: ``on_velocity_with_header``. None
+    of them is another message's member."""
     taken = {f"{prefix}_{code_name(name)}" for name in messages}
     found = {}
     for name in messages:

@@ -34,7 +34,7 @@ def link_name(protocol: str) -> str:
 
 
 def member_name(name: str) -> str:
-    """A member of a struct, from what it is called in C++."""
+    """Return a member of a struct, from what it is called in C++."""
     return name + "_" if name in C_KEYWORDS | C_MACROS | C_TYPES else name
 
 

@@ -87,7 +87,7 @@ class Declarer:
         return found
 
     def named(self, shapes: Mapping[str, Shape]) -> None:
-        """The file's types, by their names in the file."""
+        """Declare the file's types, by their names in the file."""
         for name, shape in shapes.items():
             self._named[shape.path] = self.struct(shape, name)
 
@@ -107,7 +107,7 @@ class Declarer:
         return type_name
 
     def _element(self, member: Member, words: tuple[str, ...]) -> str:
-        """The type of one element; its own types are declared before."""
+        """Return the type of one element; its own types are declared before."""
         spec = member.spec
         if member.shape is not None:
             if not member.is_own_type:
@@ -141,7 +141,7 @@ class Declarer:
         return f"{self._names.prefix_of(*words, spec.name)}_..." if spec.flags else ""
 
     def _limits(self, spec: Field, words: tuple[str, ...]) -> None:
-        """A constant for each end of a number's range."""
+        """Declare a constant for each end of a number's range."""
         if not spec.is_number or spec.enum:
             return
         for bound, word, whole in ((spec.minimum, "min", math.ceil), (spec.maximum, "max", math.floor)):

@@ -58,7 +58,7 @@ def generate_cpp(protocol: Protocol, out: Path, *, amalgamate: bool = False) -> 
 
 
 def cpp_files(protocol: Protocol, *, amalgamate: bool = False) -> dict[str, str]:
-    """The text of each file that ``generate_cpp`` writes, by its name in the folder."""
+    """Return the text of each file that ``generate_cpp`` writes, by its name in the folder."""
     name, core = f"{protocol.name}.hpp", core_headers()
     header, link = cpp_header(protocol), link_header(protocol)
     if amalgamate:
@@ -68,7 +68,7 @@ def cpp_files(protocol: Protocol, *, amalgamate: bool = False) -> dict[str, str]
 
 
 def cpp_header(protocol: Protocol) -> str:
-    """The text of ``<protocol>.hpp``."""
+    """Return the text of ``<protocol>.hpp``."""
     plans = {end: plan_for(protocol, end) for end in (End.HOST, End.MCU)}
     return render(
         "cpp.hpp.j2",
@@ -97,7 +97,7 @@ def cpp_header(protocol: Protocol) -> str:
 
 
 def link_header(protocol: Protocol) -> str:
-    """The text of ``<protocol>_link.hpp``."""
+    """Return the text of ``<protocol>_link.hpp``."""
     return render(
         "cpp_link.hpp.j2",
         file=comment_text(Path(protocol.path).name or protocol.name),
@@ -154,7 +154,7 @@ class MessageView:
 
 
 def frames_differ(protocol: Protocol) -> bool:
-    """Does a frame look different from each end, by a magic for each direction?"""
+    """Return whether frames look different from each end, by a magic for each direction."""
     return plan_for(protocol, End.HOST).forms != plan_for(protocol, End.MCU).forms
 
 
@@ -240,7 +240,7 @@ class StopView:
 
 
 def stop_functions(protocol: Protocol) -> list[str]:
-    """The functions for the stop's messages, in their order: with the message's name where there are several."""
+    """Return the functions for the stop's messages, in their order: with the message's name where there are several."""
     stops = protocol.emergency_stop
     return [
         "emergency_stop" if len(stops) == 1 else f"emergency_stop_{names.code_name(stop.message)}" for stop in stops
@@ -248,7 +248,8 @@ def stop_functions(protocol: Protocol) -> list[str]:
 
 
 def stop_header_function(protocol: Protocol, function: str) -> str | None:
-    """The function beside ``function`` that gives the header of its message; None: frames have no header fields."""
+    """Return the function beside ``function`` that gives the header of its message; None: frames have no header
+    fields."""
     return f"header_of_{function}" if fields_of(protocol) else None
 
 

@@ -30,7 +30,7 @@ SOURCES = {
 
 
 def counter_lines(service: Service | None, shapes: dict[str, Shape]) -> list[str]:
-    """Assignments to the members of ``message``, each cut to the bits of its field."""
+    """Return the assignments to the members of ``message``, each cut to the bits of its field."""
     name = None if service is None else service.message("message")
     if name is None:
         return []

@@ -218,7 +218,7 @@ def _is_asked(protocol: Protocol, message: Message) -> bool:
 
 
 def _urgent_bytes(protocol: Protocol, end: End) -> int:
-    """A power of two that holds two of the largest urgent frames, wherever they begin."""
+    """Return a power of two that holds two of the largest urgent frames, wherever they begin."""
     urgent = [m for m in protocol.messages if m.sent_by(end) and m.queue == Queue.URGENT]
     largest = max((protocol.max_wire_bytes(m.max_payload) for m in urgent), default=0)
     return 1 << (4 * largest - 1).bit_length() if largest else 0

@@ -50,7 +50,7 @@ def _is_real(spec: Field) -> bool:
 
 
 def element_type(spec: Field, enum_type: str) -> str:
-    """The C++ type of one element."""
+    """Return the C++ type of one element."""
     if spec.value_type is bool:
         return "bool"
     if spec.enum:
@@ -59,7 +59,7 @@ def element_type(spec: Field, enum_type: str) -> str:
 
 
 def initial_value(spec: Field, enum_type: str, default: Default | None) -> str:
-    """The initialiser of one element; ``default`` is the element's own."""
+    """Return the initialiser of one element; ``default`` is the element's own."""
     if spec.value_type is bool:
         return "true" if default else "false"
     number = default if isinstance(default, int | float) else None
@@ -97,7 +97,7 @@ def bool_literal(value: bool) -> str:
 
 
 def hex_literal(value: int, size: int) -> str:
-    """A hexadecimal literal with all digits of ``size`` bytes."""
+    """Return a hexadecimal literal with all digits of ``size`` bytes."""
     return f"0x{value:0{2 * size}X}" + ("" if value < 2**31 else "U" if value < 2**32 else "ULL")
 
 
@@ -182,7 +182,7 @@ def _bounds(spec: Field, limit: _Limit) -> tuple[str, str]:
 
 
 def outside(spec: Field, value: str, received: bool) -> str:
-    """A condition that holds where the value is outside its range; empty where there is none."""
+    """Return a condition that holds where the value is outside its range; empty where there is none."""
     low, high = _bounds(spec, _Limit.RECEIVED if received else _Limit.SENT)
     return " || ".join(part for part in (low and f"{value} < {low}", high and f"{value} > {high}") if part)
 
@@ -241,7 +241,7 @@ def _store_bool(spec: Field, value: str, slot: Slot) -> str:
 
 
 def _store_integer(spec: Field, value: str, slot: Slot) -> str:
-    """An integer that fills its type always fits."""
+    """Return an integer that fills its type always fits."""
     wire = wire_integer(spec)
     if spec.packed is not None:
         call = f"store_packed<{_bit_arguments(spec, slot)}>({slot.place}, {slot.index}, {value})"
@@ -259,7 +259,7 @@ def _store_integer(spec: Field, value: str, slot: Slot) -> str:
 
 
 def load_integer(spec: Field, slot: Slot) -> str:
-    """An expression of the wire's number, in the integer type that holds it."""
+    """Return an expression of the wire's number, in the integer type that holds it."""
     wire = wire_integer(spec)
     if spec.packed is not None:
         return f"wirebond::load_packed<{wire.type_name}, {_bit_arguments(spec, slot)}>({slot.place}, {slot.index})"
@@ -296,7 +296,7 @@ def write_digits(spec: Field, digits: Digits, value: str, place: str, more: bool
 
 
 def digits_size(spec: Field, digits: Digits, value: str) -> str:
-    """An expression of the characters that a number of varying size takes."""
+    """Return an expression of the characters that a number of varying size takes."""
     type_name = wire_integer(spec).type_name
     if spec.enum:
         value = f"static_cast<{type_name}>({value})"
@@ -335,13 +335,13 @@ def _wire_number(spec: Field, value: str) -> tuple[list[str], str]:
 
 
 def store_container(spec: Field, value: str, place: str) -> str:
-    """The line that stores a number which always fits."""
+    """Return the line that stores a number which always fits."""
     number = Field(spec.name, FieldKind.INTEGER, spec.size, spec.order)
     return _store_integer(number, value, Slot(place))
 
 
 def read_value(spec: Field, value: str, slot: Slot, enum_type: str) -> list[str]:
-    """The line that loads ``value``; ``enum_type`` by its full name."""
+    """Return the line that loads ``value``; ``enum_type`` by its full name."""
     if spec.value_type is bool:
         return [f"{value} = {load_integer(spec, slot) if spec.bits else _byte(slot.place)} != 0;"]
     if spec.is_float:

@@ -11,13 +11,14 @@ from wirebond.protocol.plan import Exclusion, Form, Framing, HeaderNumber, Numbe
 
 
 def format_sizes(plans: Iterable[Plan]) -> tuple[int, int]:
-    """The most forms of an end, and the most exclusions: one type for both, or its functions would be there twice."""
+    """Return the most forms of an end, and the most exclusions: one type for both, or its functions would be there
+    twice."""
     sizes = [(len(plan.forms), sum(len(form.exclusions) for form in plan.forms)) for plan in plans]
     return max(forms for forms, _ in sizes), max(1, *(exclusions for _, exclusions in sizes))
 
 
 def format_lines(plan: Plan) -> list[str]:
-    """Assignments that fill a ``wirebond::FrameFormat`` named ``format``."""
+    """Return the assignments that fill a ``wirebond::FrameFormat`` named ``format``."""
     lines = [
         f"format.framing = wirebond::Framing::{plan.framing};",
         f"format.stuffing = wirebond::Stuffing::{plan.stuffing};",
@@ -106,7 +107,7 @@ def format_lines(plan: Plan) -> list[str]:
 
 
 def _plain_members(form: Form) -> Iterator[tuple[str, str]]:
-    """The numbers of a form by their names in `wirebond::Form`, where they are not what it begins with."""
+    """Yield the numbers of a form by their names in `wirebond::Form`, where they are not what it begins with."""
     begins_with = {"length_unit": 1, "payload_unit": 1}
     for member in fields(form):
         value = getattr(form, member.name)
@@ -177,7 +178,7 @@ def _algorithm(algorithm: Algorithm) -> str:
 
 
 def update_call(algorithm: Algorithm, index: int) -> str:
-    """The call that runs an algorithm's register over bytes."""
+    """Return the call that runs an algorithm's register over bytes."""
     by_parameters = f"format_from_host.algorithms[{index}]"
     if algorithm.kind != CheckKind.CRC:
         return f"wirebond::sum_update({by_parameters}, reg, bytes, size)"

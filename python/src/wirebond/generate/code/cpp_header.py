@@ -42,7 +42,7 @@ def fields_of(protocol: Protocol) -> tuple[HeaderField, ...]:
 
 
 def header_shape(protocol: Protocol) -> Shape | None:
-    """The struct and its members; None where frames have no header field."""
+    """Return the struct and its members; None where frames have no header field."""
     fields = fields_of(protocol)
     if not fields:
         return None
@@ -50,7 +50,7 @@ def header_shape(protocol: Protocol) -> Shape | None:
 
 
 def ends_differ(protocol: Protocol) -> bool:
-    """Does each end send values of its own where it is given none?"""
+    """Return whether the ends have different defaults for a header field."""
     return any(field.host_default != field.mcu_default for field in fields_of(protocol))
 
 
@@ -87,7 +87,7 @@ def _construct_lines(protocol: Protocol, members: tuple[Member, ...]) -> list[st
 
 
 def _in_number(spec: Field) -> Field:
-    """The field as the lowest bits of a number of 64 bits."""
+    """Return the field as the lowest bits of a number of 64 bits."""
     return replace(spec, bits=spec.width, size=0)
 
 
@@ -120,7 +120,7 @@ class AddressView:
 
 
 def address_type(protocol: Protocol) -> str:
-    """The integer that holds each address; empty where the header has none."""
+    """Return the integer that holds each address; empty where the header has none."""
     widths = [field.value.width for field in fields_of(protocol) if field.address is not None]
     return f"std::uint{next(bits for bits in (8, 16, 32, 64) if bits >= max(widths))}_t" if widths else ""
 

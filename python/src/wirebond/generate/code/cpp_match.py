@@ -9,7 +9,7 @@ from wirebond.protocol.planning import plan_for
 
 
 def _asked(test: MatchTest) -> str:
-    """A test as a question to a frame (``wirebond/match.hpp``)."""
+    """Return a test as a question to a frame (``wirebond/match.hpp``)."""
     bounds = f"0x{test.mask:X}U, 0x{test.low:X}U, 0x{test.high:X}U"
     if test.of == MatchOf.HEADER:
         return f"asked.header({test.place}, {bounds})"
@@ -32,7 +32,7 @@ def _groups(tests: tuple[MatchTest, ...]) -> list[list[MatchTest]]:
 
 
 def match_lines(row: MessageRow) -> list[str]:
-    """The condition that a frame is this message, one line for each that must hold."""
+    """Return the condition that a frame is this message, one line for each that must hold."""
     expected = [f"expected == {row.index}"] if row.only_expected else []
     texts = []
     for group in _groups(row.tests):
@@ -42,7 +42,8 @@ def match_lines(row: MessageRow) -> list[str]:
 
 
 def sent_tests(protocol: Protocol, message: Message) -> tuple[str, ...]:
-    """The tests that say something to a sender: of header fields, and of what a value of the message can break."""
+    """Return the tests that say something to a sender: of header fields, and of what a value of the message can
+    break."""
     plan = plan_for(protocol, End.HOST if message.sent_by(End.HOST) else End.MCU)
     row = next(row for row in plan.messages if protocol.messages[row.index] is message)
     found: list[str] = []

@@ -11,7 +11,7 @@ from wirebond.protocol.planning import plan_for
 
 
 def shapes(protocol: Protocol) -> tuple[dict[str, Shape], dict[str, Shape]]:
-    """The structs of the file's types and those of the messages, each by the file's name."""
+    """Return the structs of the file's types and those of the messages, each by the file's name."""
     scope = names.Scope(generated_types(protocol))
     named = named_shapes(protocol, scope)
     structs = {m.name: scope.claim(names.type_name(m.name), "Message") for m in protocol.messages}
@@ -19,12 +19,12 @@ def shapes(protocol: Protocol) -> tuple[dict[str, Shape], dict[str, Shape]]:
 
 
 def message_shapes(protocol: Protocol) -> dict[str, Shape]:
-    """The struct of each message and what lies in it, by the message's name."""
+    """Return the struct of each message and what lies in it, by the message's name."""
     return shapes(protocol)[1]
 
 
 def struct_names(protocol: Protocol) -> dict[str, str]:
-    """The struct of each message, by the message's name."""
+    """Return the struct of each message, by the message's name."""
     return {name: shape.path for name, shape in message_shapes(protocol).items()}
 
 

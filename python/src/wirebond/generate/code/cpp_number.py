@@ -18,7 +18,7 @@ def nearest_float(value: float) -> float:
 
 
 def real(value: Fraction | float, type_name: str) -> str:
-    """The shortest literal that reads back as the nearest float or double."""
+    """Return the shortest literal that reads back as the nearest float or double."""
     number = float(value)
     if type_name == "double":
         text = repr(number)
@@ -30,7 +30,7 @@ def real(value: Fraction | float, type_name: str) -> str:
 
 
 def integer(value: int) -> str:
-    """An integer literal; what is wider than 32 bits says so."""
+    """Return an integer literal; what is wider than 32 bits says so."""
     if value == -(2**63):
         return "(-9223372036854775807LL - 1)"
     if value == -(2**31):
@@ -72,7 +72,7 @@ def wire_integer(field: Field) -> WireInteger:
 
 
 def real_type(field: Field) -> str:
-    """The SI type of a float or a scaled integer: a float where it brings every wire value back as it was."""
+    """Return the SI type of a float or a scaled integer: a float where it brings every wire value back as it was."""
     if field.is_float:
         return field.float_format.cpp
     return "float" if _survives_float(field) else "double"
@@ -119,7 +119,7 @@ class Scaling:
         return "std::int32_t" if max(abs(step) for step in steps) < 2**31 else "std::int64_t"
 
     def from_wire(self, wire: str) -> str:
-        """The SI value of the wire number that the expression ``wire`` yields. An integer's zero has no sign."""
+        """Return the SI value of the wire number that the expression ``wire`` yields. An integer's zero has no sign."""
         if not self.is_exact:
             scale = self.field.scale
             if scale < 0 and not self.field.offset and not self.field.is_float:
@@ -143,7 +143,7 @@ class Scaling:
         return "" if self.type_name == "double" else "F"
 
     def to_wire(self, value: str) -> str:
-        """The wire number, not yet rounded, of the SI value that the expression ``value`` yields."""
+        """Return the wire number, not yet rounded, of the SI value that the expression ``value`` yields."""
         scale, offset = self.field.scale, self.field.offset
         if offset:
             value = f"({value} {'-' if offset > 0 else '+'} {real(abs(offset), self.type_name)})"
@@ -157,7 +157,8 @@ class Scaling:
         return value if scale.numerator == 1 else f"{value} / {real(scale.numerator, self.type_name)}"
 
     def given_limit(self, bound: float, upper: bool) -> Fraction:
-        """The bound for values to send: what the arithmetic lost of the bound itself is not held against a value."""
+        """Return the bound for values to send: what the arithmetic lost of the bound itself is not held against a
+        value."""
         if self.field.is_float or self.is_exact:
             return Fraction(str(bound))
         mantissa = _DIGITS[self.type_name]
@@ -165,7 +166,8 @@ class Scaling:
         return Fraction(str(bound)) + (slack if upper else -slack)
 
     def received_limit(self, bound: float, upper: bool) -> Fraction:
-        """The bound for received values: a bound between two wire values lets the one pass that it is rounded to."""
+        """Return the bound for received values: a bound between two wire values lets the one pass that it is rounded
+        to."""
         exact = Fraction(str(bound))
         scale, offset = self.field.scale, self.field.offset
         wire = (exact - offset) / scale

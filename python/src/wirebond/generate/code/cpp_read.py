@@ -61,7 +61,7 @@ class Reader:
         self._trims_zeros = trims_zeros
 
     def lines(self, shape: Shape, here: Here | None = None) -> list[str]:
-        """The body of decode behind the check of its size, up to `return true`."""
+        """Return the body of decode behind the check of its size, up to `return true`."""
         here = here or Here()
         lines: list[str] = []
         told: dict[str, _Told] = {}
@@ -131,7 +131,7 @@ class Reader:
         return [*lines, f"payload += {size};", f"spare -= {size};"] if more else lines
 
     def _size(self, step: Characters, place: str, told: Mapping[str, _Told]) -> tuple[str, list[str]]:
-        """The variable with the bytes of what varies in size, and the lines that declare it."""
+        """Return the variable with the bytes of what varies in size, and the lines that declare it."""
         spec = step.field
         size = self._locals.claim(f"{names.code_name(spec.name)}_size", "_")
         if step.told:

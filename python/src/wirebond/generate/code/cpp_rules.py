@@ -9,12 +9,12 @@ from wirebond.protocol.model import Field
 
 
 def validate_lines(shape: Shape, value: str = "message") -> list[str]:
-    """The body of violations, between the declaration of ``found`` and its return. ``value``: its argument."""
+    """Return the body of violations, between the declaration of ``found`` and its return. ``value``: its argument."""
     return _rule_lines(shape, Here(value), clamps=False)
 
 
 def clamp_lines(shape: Shape) -> list[str]:
-    """The body of clamp."""
+    """Return the body of clamp."""
     return _rule_lines(shape, Here(), clamps=True)
 
 

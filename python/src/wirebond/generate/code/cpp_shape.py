@@ -47,7 +47,8 @@ class Shape:
 
 
 def shape_of(path: str, parts: Sequence[Step | BitMember], named: Mapping[str, Shape]) -> Shape:
-    """The struct for these parts of a layout. ``named``: those of the file's types, by their names in the file."""
+    """Return the struct for these parts of a layout. ``named``: those of the file's types, by their names in the
+    file."""
     fields = [part.field for part in parts]
     scope = names.Scope(frozenset({path.rpartition("::")[2], "Info", *(shape.path for shape in named.values())}))
     hidden = {f.name for f in fields if not f.has_value or f.is_count or f.only_counts}
@@ -67,7 +68,7 @@ def shape_of(path: str, parts: Sequence[Step | BitMember], named: Mapping[str, S
 
 
 def named_shapes(protocol: Protocol, scope: names.Scope) -> dict[str, Shape]:
-    """The structs of the file's types that messages use, each behind those that it needs."""
+    """Return the structs of the file's types that messages use, each behind those that it needs."""
     found: dict[str, Shape] = {}
 
     def visit(fields: tuple[Field, ...]) -> None:
@@ -83,7 +84,7 @@ def named_shapes(protocol: Protocol, scope: names.Scope) -> dict[str, Shape]:
 
 
 def type_blocks(shape: Shape) -> list[list[str]]:
-    """The types that a struct declares within itself, each as lines."""
+    """Return the types that a struct declares within itself, each as lines."""
     blocks = []
     for member in shape.members:
         spec = member.spec
@@ -99,7 +100,7 @@ def type_blocks(shape: Shape) -> list[list[str]]:
 
 
 def struct_lines(shape: Shape) -> list[str]:
-    """A whole struct, without a comment before it."""
+    """Return a whole struct, without a comment before it."""
     lines = [f"struct {shape.path.rpartition('::')[2]} {{"]
     for block in type_blocks(shape):
         lines += [*("  " + line for line in block), ""]
@@ -107,7 +108,7 @@ def struct_lines(shape: Shape) -> list[str]:
 
 
 def member_lines(shape: Shape) -> list[str]:
-    """The struct's members with their first values, a line each."""
+    """Return the struct's members with their first values, a line each."""
     lines = []
     for member in shape.members:
         if member.name:
@@ -138,7 +139,7 @@ def _declared(member: Member) -> str:
 
 
 def declared_string(spec: Field, name: str) -> str:
-    """A text or byte string with its first value."""
+    """Return a text or byte string with its first value."""
     element = "char" if spec.value_type is str else "std::uint8_t"
     default = spec.default.encode() if isinstance(spec.default, str) else spec.default
     given = default if isinstance(default, bytes) else b""

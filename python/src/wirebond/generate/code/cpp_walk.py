@@ -36,7 +36,7 @@ class Here:
         return "ijklmnopq"[self.depth]
 
     def element(self, name: str, at: int, stride: int, index: str, data: str = "") -> Here:
-        """An element of an array of structs; ``index`` is its variable."""
+        """Return an element of an array of structs; ``index`` is its variable."""
         return Here(
             f"{self.value}.{name}{data}[{index}]",
             self.at + at,
@@ -71,7 +71,7 @@ def container_type(spec: Field) -> str:
 
 
 def container(spec: Field) -> Field:
-    """The number that holds bit fields."""
+    """Return the number that holds bit fields."""
     return Field(spec.name, FieldKind.INTEGER, spec.size, spec.order)
 
 
@@ -92,5 +92,5 @@ def product(step: int, number: str) -> str:
 
 
 def refusal(number: str, most: int, bits: int) -> list[str]:
-    """The line that refuses a greater number, where its type can hold one."""
+    """Return the line that refuses a greater number, where its type can hold one."""
     return [f"if ({number} > {most}) return false;"] if most < 2**bits - 1 else []

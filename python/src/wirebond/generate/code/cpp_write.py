@@ -33,7 +33,7 @@ from wirebond.protocol.model.layout import Array, Bits, Characters, Constant, Gr
 
 
 def write_lines(shape: Shape, here: Here | None = None) -> list[str]:
-    """The body of write_payload, up to `return true`."""
+    """Return the body of write_payload, up to `return true`."""
     here = here or Here()
     lines: list[str] = []
     counted: dict[str, str] = {}  # field that counts -> the number that the first one that it counts gives it

@@ -33,7 +33,7 @@ def render(template: str, **values: object) -> str:
 
 
 def core_headers() -> dict[str, str]:
-    """The text of each core header that generated code may need, by the name under which it is included.
+    """Return the text of each core header that generated code may need, by the name under which it is included.
 
     Host headers are left out: a firmware has no use for them.
     """
@@ -42,12 +42,14 @@ def core_headers() -> dict[str, str]:
 
 
 def port_headers(port: str) -> dict[str, str]:
-    """The text of each header of a port, by the name under which it is included. They need those of the core alone."""
+    """Return the text of each header of a port, by the name under which it is included. They need those of the core
+    alone."""
     return {name: text for folder in _folders(port) for name, text in _headers(folder).items()}
 
 
 def port_files_in_c(port: str) -> dict[str, str]:
-    """The text of each file of a port in C, by its name in the folder: a source, its header, and what they include."""
+    """Return the text of each file of a port in C, by its name in the folder: a source, its header, and what they
+    include."""
     headers = {name: text for folder in _folders(port) for name, text in _texts(folder, "*.h").items()}
     return headers | _texts(port_in_c(port), "*.h", "*.c")
 

@@ -44,7 +44,7 @@ GENERATED_TYPES = frozenset(
 
 
 def namespace(protocol: str) -> str:
-    """The namespace of a protocol. Names of types in C's headers end in ``_t``, as ``uint8_t`` does."""
+    """Return the namespace of a protocol. Names of types in C's headers end in ``_t``, as ``uint8_t`` does."""
     is_taken = protocol in GLOBAL_FUNCTIONS or protocol == "main" or protocol.endswith("_t")
     return protocol + "_protocol" if is_taken else protocol
 

@@ -45,7 +45,7 @@ def generate_python(protocol: Protocol, out: Path) -> list[Path]:
 
 
 def python_files(protocol: Protocol, out: Path) -> dict[str, str]:
-    """The text of the file that ``generate_python`` writes into ``out``, by its name there."""
+    """Return the text of the file that ``generate_python`` writes into ``out``, by its name there."""
     if not Path(protocol.path).is_file():
         raise UsageError(f"{protocol.name} was not loaded from a file, and its module would have none to read")
     return {f"{module_name(protocol)}.py": python_module(protocol, out)}
@@ -57,7 +57,7 @@ def module_name(protocol: Protocol) -> str:
 
 
 def python_module(protocol: Protocol, out: Path) -> str:
-    """The text of the module when it lies in ``out``."""
+    """Return the text of the module when it lies in ``out``."""
     header = header_fields(protocol.format.parts)
     writer = _Writer(has_header=bool(header))
     claimed = [writer.claim(type_name(m.name), "Message") for m in protocol.messages]  # before types of fields
@@ -115,12 +115,12 @@ def _docstring(text: str) -> str:
 
 
 def _string(text: str) -> str:
-    """A literal with double quotes."""
+    """Return a literal with double quotes."""
     return json.dumps(text, ensure_ascii=False)
 
 
 def _call(opening: str, items: list[str], closing: str) -> str:
-    """A line of a method, or a line for each item where that is too long."""
+    """Return a line of a method, or a line for each item where that is too long."""
     line = f"{opening}{', '.join(items)}{closing}"
     if len(line) <= _LINE:
         return line
@@ -182,7 +182,7 @@ class _Writer:
         return self._scope.claim(name, suffix)
 
     def struct(self, name: str, fields: tuple[Field, ...], taken: frozenset[str] = frozenset()) -> StructBlock:
-        """The class ``name``, which was claimed, behind those that it needs. ``taken``: names of its own."""
+        """Return the class ``name``, which was claimed, behind those that it needs. ``taken``: names of its own."""
         scope = Scope(self._taken | taken)
         block = StructBlock(
             name,

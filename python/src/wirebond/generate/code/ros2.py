@@ -18,7 +18,7 @@ def generate_ros2(protocol: Protocol, out: Path) -> list[Path]:
 
 
 def ros2_files(protocol: Protocol) -> dict[str, str]:
-    """The text of each file of the package, by its name in the package's folder."""
+    """Return the text of each file of the package, by its name in the package's folder."""
     found = interfaces(protocol)
     file = comment_text(Path(protocol.path).name or protocol.name)
     values = {

@@ -108,7 +108,7 @@ class Interfaces:
 
 
 def interfaces(protocol: Protocol) -> Interfaces:
-    """The message types of this protocol."""
+    """Return the message types of this protocol."""
     return _Writer(protocol).found
 
 
@@ -224,7 +224,7 @@ def _type_of(spec: Field) -> str:
 
 
 def _default(spec: Field) -> str:
-    """The default of a field, where it is not that of ROS."""
+    """Return the default of a field, where it is not that of ROS."""
     if spec.default is None or spec.fields or spec.value_type is bytes:
         return ""
     if isinstance(spec.default, tuple):

@@ -34,7 +34,7 @@ def starter_path(out: Path, uart: str, language: str) -> Path:
 
 
 def starter_text(protocol: Protocol, uart: str, language: str, port: str) -> str:
-    """The file's text, for the UART that the vendor's headers call ``uart``, by one of ``STARTER_PORTS``.
+    """Return the file's text, for the UART that the vendor's headers call ``uart``, by one of ``STARTER_PORTS``.
 
     :raises UsageError: that is no UART's name.
     """
@@ -86,7 +86,7 @@ def _wiring(uart: str) -> dict[str, object]:
 
 
 def _own(protocol: Protocol) -> set[str]:
-    """The messages that are no service's: those the link serves by itself."""
+    """Return the messages that are no service's: those the link serves by itself."""
     mapped = {name for service in protocol.services for _, name in service.messages}
     return {message.name for message in protocol.messages} - mapped
 

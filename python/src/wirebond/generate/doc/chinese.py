@@ -100,7 +100,7 @@ class _Translation:
         return cell if is_name else self._words(cell)
 
     def _words(self, text: str) -> str:
-        """A sentence, or several; what the file says may come first."""
+        """Return a sentence, or several; what the file says may come first."""
         if text in self._own:
             return text
         parts = text.split("; ")

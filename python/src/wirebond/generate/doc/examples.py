@@ -41,7 +41,7 @@ def example_values(message: Message, first: int = 0) -> dict[str, Any]:
 
 
 def _carried_values(codec: Codec, message: Message) -> dict[str, Any]:
-    """The first values whose frame has no delimiter within, if there are any."""
+    """Return the first values whose frame has no delimiter within, if there are any."""
     sender = _first_sender(message)
     for first in range(_TRIES):
         values = example_values(message, first)
@@ -141,7 +141,7 @@ def _whole(field: Field, index: int) -> Any:
 
 
 def _within(field: Field, wire: int) -> int:
-    """The number on the wire, or the one in the middle of the range."""
+    """Return the number on the wire, or the one in the middle of the range."""
     least, most = wire_limits(field)
     if field.minimum is not None and field.maximum is not None:
         ends = sorted((Fraction(bound) - field.offset) / field.scale for bound in (field.minimum, field.maximum))

@@ -114,8 +114,8 @@ def _fields(protocol: Protocol, message: Message) -> list[str]:
 
 
 def _rows(steps: tuple[Step, ...], base: int | None, level: int) -> list[tuple[str, ...]]:
-    """A row for each step and for those within it. Offsets are given as long as nothing before varies in size; within
-    what repeats they count from its first element.
+    """Return a row for each step and for those within it. Offsets are given as long as nothing before varies in size;
+    within what repeats they count from its first element.
 
     :param base: the offset of the first step; None: it is not known.
     """

@@ -7,7 +7,8 @@ from wirebond.generate.doc import behaviour, frame, header, messages
 
 
 def markdown(codec: Codec) -> str:
-    """The whole document, ending with a line break. The same protocol gives the same text, whatever day it is."""
+    """Return the whole document, ending with a line break. The same protocol gives the same text, whatever day it
+    is."""
     model = codec.model
     lines = [f"# {model.name}", ""]
     if model.description:

@@ -95,7 +95,7 @@ def _python_tail(algorithm: Algorithm) -> list[str]:
 
 
 def _last_steps(algorithm: Algorithm, name: str, number: _Number, minus: str) -> list[str]:
-    """The expressions that turn the register's value into the check's, one after the other."""
+    """Return the expressions that turn the register's value into the check's, one after the other."""
     steps = [f"({minus}{name}) & {number(_mask(algorithm), algorithm)}"] * algorithm.negate
     if algorithm.plus:
         steps.append(f"({name} + {number(algorithm.plus, algorithm)}) & {number(_mask(algorithm), algorithm)}")
@@ -175,7 +175,7 @@ def _begin(algorithm: Algorithm) -> int:
 
 
 def _goes_by_bits(algorithm: Algorithm) -> bool:
-    """Does a CRC take its bits one by one, because no byte fits its register's end?"""
+    """Return whether a CRC takes its bits one by one, because no byte fits its register's end."""
     return algorithm.unit > 1 or algorithm.width < 8
 
 
@@ -197,7 +197,7 @@ def _returned(name: str, algorithm: Algorithm, number: _Number) -> str:
 
 
 def _c_bits(algorithm: Algorithm) -> _Code:
-    """A CRC that takes one bit after the other."""
+    """Return a CRC that takes one bit after the other."""
     bits = 8 * algorithm.unit
     number = "data[i]" if algorithm.unit == 1 else "word"
     place = "bit" if algorithm.refin else f"{bits - 1} - bit"

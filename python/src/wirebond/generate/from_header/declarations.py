@@ -91,7 +91,10 @@ class Declarations:
 
 
 def read_declarations(source: Source, path: Path) -> Declarations:
-    """:raises HeaderFileError: the text is not C that the parser can read."""
+    """Read the declarations of a header.
+
+    :raises HeaderFileError: the text is not C that the parser can read.
+    """
     depth = _nesting(source.text)
     if depth > MAX_NESTING:
         stop(path, 0, f"brackets are nested {depth} deep; {MAX_NESTING} are the most that are read")
@@ -326,7 +329,10 @@ class _Reader:
     # ---- constants ----
 
     def _constant(self, node: c_ast.Node) -> int:
-        """:raises _Unreadable: it is more than whole numbers, names of enums and arithmetic."""
+        """Calculate a constant.
+
+        :raises _Unreadable: it is more than whole numbers, names of enums and arithmetic.
+        """
         if isinstance(node, c_ast.Constant):
             text = node.value.rstrip("uUlL")
             if re.fullmatch("0[xX][0-9a-fA-F]{1,16}|[0-9]{1,20}", text):

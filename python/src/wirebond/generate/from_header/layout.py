@@ -54,7 +54,7 @@ def number_of_fields(struct: Struct) -> int:
 
 
 def fields_of(struct: Struct) -> list[Leaf]:
-    """The struct's bytes as fields, padding included."""
+    """Return the struct's bytes as fields, padding included."""
     leaves = []
     at = 0
     for member, start, size in _placed(struct):

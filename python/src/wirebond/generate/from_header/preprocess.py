@@ -51,7 +51,11 @@ class Source:
 
 
 def read_header(path: Path) -> str:
-    """:raises HeaderFileError: it is too large, or no text. :raises OSError: it cannot be read."""
+    """Read the text of a header.
+
+    :raises HeaderFileError: it is too large, or no text.
+    :raises OSError: it cannot be read.
+    """
     with path.open("rb") as file:
         data = file.read(MAX_FILE_BYTES + 1)
     if len(data) > MAX_FILE_BYTES:
@@ -62,7 +66,10 @@ def read_header(path: Path) -> str:
 
 
 def preprocess(text: str, path: Path) -> Source:
-    """:raises HeaderFileError: with the line, for what only a real preprocessor can decide."""
+    """Return the text without directives, comments and attributes.
+
+    :raises HeaderFileError: with the line, for what only a real preprocessor can decide.
+    """
     plain, comments = _without_comments(text)
     expanded = _Directives(path).run(plain)
     source = _without_attributes(expanded.text, expanded.pack_by_line, path)
@@ -76,7 +83,7 @@ def stop(path: Path, line: int, sentence: str) -> NoReturn:
 
 
 def _without_comments(text: str) -> tuple[str, dict[int, str]]:
-    """The text with blanks for comments, and each line's comment."""
+    """Return the text with blanks for comments, and each line's comment."""
     comments: dict[int, str] = {}
     out: list[str] = []
     line = 1

@@ -193,7 +193,7 @@ class _Writer:
         return f"struct: {of}" if leaf.count is None else f"group: {{count: {leaf.count}, fields: {of}}}"
 
     def _type_of(self, struct: Struct, member: str) -> str:
-        """The name of a struct within others among the file's `types`; one without a name takes its member's."""
+        """Return the name of a struct within others among the file's `types`; one without a name takes its member's."""
         known = self._type_names.get(id(struct))
         if known is not None:
             return known

@@ -57,7 +57,7 @@ def write_template(path: Path, template: str, parts: Mapping[str, int] | None = 
 
 
 def template_text(template: str, name: str, parts: Mapping[str, int] | None = None) -> str:
-    """The template as a file of the protocol ``name``.
+    """Return the template as a file of the protocol ``name``.
 
     :param parts: as for `write_template`.
     :raises UsageError: no such template, or it has no choice of parts.

@@ -23,7 +23,8 @@ def write_new(path: Path, text: str) -> None:
 
 
 def protocol_name(path: Path) -> str:
-    """A protocol's name after its file: ``My-Robot.yaml`` gives ``my_robot``; ``my_protocol`` where nothing fits."""
+    """Return a protocol's name after its file: ``My-Robot.yaml`` gives ``my_robot``; ``my_protocol`` where nothing
+    fits."""
     words = re.sub("[^a-z0-9]+", "_", path.name.split(".")[0].lower()).strip("_")
     words = re.sub("^[0-9_]+", "", words)
     return words if words and not names.protocol_fault(words) else "my_protocol"

@@ -58,7 +58,7 @@ def server_address(text: str) -> ServerAddress:
 
 
 def socket_of(name: str) -> Path:
-    """The Unix socket of the server with this name.
+    """Return the Unix socket of the server with this name.
 
     :raises UsageError: no server can have this name.
     """

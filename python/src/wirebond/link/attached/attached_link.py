@@ -147,7 +147,7 @@ class AttachedLink:
         self._call(words.SetAddress(address=address))
 
     def listen_to_all(self, all: bool) -> None:
-        """The server decides that for all."""
+        """Do nothing: the server decides this for all."""
 
     def stop(self) -> bool:
         if self._is_closing:
@@ -213,18 +213,19 @@ class AttachedLink:
         return found
 
     def question_of(self, message: Message) -> int:
-        """The number of the request that this message answers; 0: of none; ``TAKEN``: one of the server's own."""
+        """Return the number of the request that this message answers; 0: of none; ``TAKEN``: one of the server's
+        own."""
         with self._lock:
             return self._questions.pop(message.offset, 0)
 
     def know_question_of(self, messages: Sequence[Message]) -> bool:
-        """False: ``question_of`` is 0 for each of these."""
+        """Return False if ``question_of`` is 0 for each of these."""
         return bool(self._questions) and any(message.offset in self._questions for message in messages)
 
     # ---- receiving
 
     def receive(self, timeout: float) -> Iterable[Message]:
-        """Waits as the engine's does. The messages are taken when the result is read, without a step of Python: a
+        """Wait as the engine's link does. The messages are taken when the result is read, without a step of Python: a
         signal's handler that raises can lose none."""
         return self._receive(self._attention.wait, timeout)
 
@@ -348,7 +349,7 @@ class AttachedLink:
         self._call(words.Note(text=text))
 
     def of_recordings(self, request: words.OfRecordings | words.Mark | words.Ask) -> Any:
-        """An answer of the server about its recordings, for which it waits for its disk.
+        """Return an answer of the server about its recordings, for which it waits for its disk.
 
         :raises UsageError: it refuses.
         :raises LinkDownError: it is away.
@@ -396,7 +397,7 @@ class AttachedLink:
     # ---- calls
 
     def _owned(self) -> threading.RLock:
-        """The lock.
+        """Return the lock.
 
         :raises LinkDownError: this is a forked child.
         """
@@ -461,7 +462,7 @@ class AttachedLink:
         raise UsageError(answer["text"])
 
     def _ask(self, what: Any, away: Any) -> Any:
-        """An answer; ``away`` where the server is."""
+        """Ask the server. Return its answer; ``away`` if there is no server."""
         self.is_closed()  # in a forked child it raises
         try:
             return self._call(words.Ask(what=what))
@@ -523,7 +524,10 @@ class AttachedLink:
         return f"the server at {self._address.text} is gone{reason}; start it again with `wirebond serve`"
 
     def _connect(self) -> None:
-        """:raises PortError: there is no server, or it refuses."""
+        """Connect to the server.
+
+        :raises PortError: there is no server, or it refuses.
+        """
         address = self._address
         began = time.monotonic()
         # After a lost connection nobody drives before take_control().

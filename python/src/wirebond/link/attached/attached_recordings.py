@@ -35,7 +35,7 @@ class ServerRecordings:
         return None if found is None else _one(found)
 
     def list(self) -> list[StoredRecording]:
-        """The recordings in the server's folder, the newest first."""
+        """Return the recordings in the server's folder, the newest first."""
         return [_one(found) for found in self._engine.of_recordings(words.ListRecordings())]
 
     def mark(self, text: str) -> None:

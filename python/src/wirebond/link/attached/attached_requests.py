@@ -84,7 +84,7 @@ class AttachedRequests(RequestBook):
         return True
 
     def fail(self, number: int, error: Exception) -> None:
-        """The server says that this request has no reply."""
+        """Note that this request gets no reply, as the server says."""
         with self._guard:
             question = self._open.pop(number, None)
         if question is not None and question.finish is not None:
@@ -92,7 +92,7 @@ class AttachedRequests(RequestBook):
             finish(error)
 
     def fail_all(self, error: Callable[[str], Exception]) -> None:
-        """The server is gone."""
+        """Note that the server is gone."""
         with self._guard:
             questions, self._open = list(self._open.values()), {}
         for question in questions:

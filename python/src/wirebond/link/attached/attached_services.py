@@ -61,10 +61,10 @@ class AttachedServices:
         return HostTime(*self._engine.host_time(mcu_us, near))
 
     def note_exchange(self, sent: float, reply: Message) -> None:
-        """An exchange of the clock that the program had: the server's link does not learn of it."""
+        """Note an exchange of the clock that the program had. The server's link does not learn of it."""
 
     def end(self) -> None:
-        """The link is closed."""
+        """Note that the link is closed."""
         self._heard.put(None)
 
     def _note_line(self, message: Message) -> None:

@@ -42,7 +42,7 @@ def attached_as(name: str) -> Iterator[None]:
 
 
 def name_of_program() -> str:
-    """The name by which a link that is opened now is known to other clients of the server."""
+    """Return the name by which a link that is opened now is known to other clients of the server."""
     name = _program.get() or os.path.basename(sys.argv[0] or "python")  # noqa: PTH119 may be no path
     return f"{name} ({os.getpid()})"
 
@@ -62,7 +62,7 @@ class Accepted(msgspec.Struct):
 
 
 def codec_of_server(address: ServerAddress) -> Codec:
-    """The protocol that a server speaks.
+    """Return the protocol that a server speaks.
 
     :raises PortError: it cannot be reached, or refuses.
     """
@@ -75,7 +75,7 @@ def codec_of_server(address: ServerAddress) -> Codec:
 def attach(
     address: ServerAddress, messages: Literal["frames", "none"], asks: bool, name: str
 ) -> tuple[socket.socket, Accepted, words.Splitter, list[tuple[int, bytes]]]:
-    """A connection to the server, its answer, and what came behind that.
+    """Connect to the server. Return the connection, its answer, and the bytes after that.
 
     :param name: of this program, for other clients of the server.
     :raises PortError: it cannot be reached, refuses, or belongs to another user.
@@ -145,7 +145,7 @@ def _no_server(address: ServerAddress, error: Exception) -> PortError:
 
 
 def _first(found: socket.socket, splitter: words.Splitter) -> tuple[dict[str, Any], list[tuple[int, bytes]]]:
-    """The server's answer to the first message, and what came behind it."""
+    """Return the server's answer to the first message, and what came behind it."""
     while True:
         data = found.recv(1 << 16)
         if not data:

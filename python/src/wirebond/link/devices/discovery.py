@@ -30,7 +30,7 @@ _USB_SERIAL = "sys/bus/usb-serial/devices"
 
 
 def serial_ports(root: Path = Path("/")) -> list[SerialPort]:
-    """The serial ports of the machine whose file system begins at `root`; USB first, then by name.
+    """Return the serial ports of the machine whose file system begins at `root`; USB first, then by name.
 
     Reads only small files of sysfs, opens no port, needs no rights. Without sysfs (not Linux) the list is empty.
     """
@@ -105,7 +105,7 @@ def _port(root: Path, tty: Path, links: _Links) -> SerialPort | None:
 
 
 def _parents(root: Path, device: Path) -> Iterator[Path]:
-    """The device and what it is a part of, from within."""
+    """Yield the device and what it is a part of, from within."""
     top = Path(os.path.realpath(root / "sys/devices"))
     at = Path(os.path.realpath(device))
     while at != top and top in at.parents:

@@ -37,7 +37,7 @@ _MOST_LISTED = 8  # ports that a sentence names
 
 
 def resolve(name: str, root: Path = Path("/")) -> str:
-    """The device that `name` means now. Opens nothing and is quick: call it before every attempt to open.
+    """Return the device that `name` means now. Opens nothing and is quick: call it before every attempt to open.
 
     :raises UsageError: `name` begins with ``usb:`` and is not written as it must be, or this is not Linux. Waiting does
         not help.
@@ -62,7 +62,8 @@ def matching(name: str, ports: Iterable[SerialPort]) -> list[SerialPort]:
 
 
 def stable_name(port: SerialPort, ports: Iterable[SerialPort]) -> str:
-    """A name that means this port alone among `ports`, and stays: by serial number, by ids, by socket, by device."""
+    """Return a name that means this port alone among `ports`, and stays: by serial number, by ids, by socket, by
+    device."""
     if port.usb is not None:
         ports = list(ports)
         for name in _names(port.usb):
@@ -147,7 +148,8 @@ def _none(wanted: _Wanted, ports: list[SerialPort]) -> str:
 
 
 def which_there_are(ports: list[SerialPort]) -> str:
-    """The end of a sentence about a port that is not there: the ports that are, or what to do if there is none."""
+    """Return the end of a sentence about a port that is not there: the ports that are, or what to do if there is
+    none."""
     usable = [port for port in ports if port.has_device]
     if not usable:
         return "there is no serial port at all. Plug it in; `wirebond doctor` finds the obstacle"

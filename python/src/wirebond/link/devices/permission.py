@@ -41,7 +41,7 @@ class Permission:
 
 
 def current_user() -> User:
-    """The user of this process."""
+    """Return the user of this process."""
     if sys.platform == "win32":
         return User(-1, frozenset(), os.environ.get("USERNAME", ""))
     return User(os.getuid(), frozenset({os.getgid(), *os.getgroups()}), os.environ.get("USER", ""))
@@ -69,13 +69,14 @@ def permission(path: str, root: Path = Path("/"), user: User | None = None) -> P
 
 
 def group_of(path: str, root: Path = Path("/")) -> str | None:
-    """The name of the group that the device belongs to; None if the device is not there."""
+    """Return the name of the group that the device belongs to; None if the device is not there."""
     found = permission(path, root)
     return None if found is None else found.group
 
 
 def no_permission(path: str, root: Path = Path("/"), user: User | None = None) -> str:
-    """The sentence for a port that could not be opened for want of rights: what to do, with the device's real group."""
+    """Return the sentence for a port that could not be opened for want of rights: what to do, with the device's real
+    group."""
     found = permission(path, root, user)
     said = f"no permission to open {path}; "
     if found is None:
@@ -93,7 +94,7 @@ def no_permission(path: str, root: Path = Path("/"), user: User | None = None) -
 
 
 def port_group(root: Path = Path("/")) -> str:
-    """The group that this system has for serial ports: dialout (Debian, Fedora), uucp (Arch) or another."""
+    """Return the group that this system has for serial ports: dialout (Debian, Fedora), uucp (Arch) or another."""
     names = {group.name for group in _groups(root).values()}
     return next((name for name in ("dialout", "uucp", "plugdev") if name in names), "dialout")
 
@@ -119,7 +120,7 @@ def _user_names(root: Path) -> dict[int, str]:
 
 
 def _system_group(root: Path, gid: int) -> str:
-    """A group that a directory service knows, or its number."""
+    """Return a group that a directory service knows, or its number."""
     if root == Path("/") and sys.platform != "win32":
         import grp  # noqa: PLC0415 seldom needed, and Windows has none
 

@@ -113,7 +113,10 @@ _FOREIGN = {
 
 
 def _refuse_foreign(text: str) -> None:
-    """:raises UsageError: it is called as what is no serial port here, and at most a folder is called so."""
+    """Refuse a name that means no serial port on this system.
+
+    :raises UsageError: the name is of such a kind, and no file but at most a folder has it.
+    """
     for pattern, what in _FOREIGN.items():
         if not is_com_port(text) and pattern.fullmatch(text) and (Path(text).is_dir() or not os.path.lexists(text)):
             raise UsageError(f"{text} {what}")
@@ -146,7 +149,7 @@ def _replay(text: str) -> PortName:
 
 
 def replay_number(name: str, text: str) -> float:
-    """A speed, with ``max`` for as fast as possible, or seconds, with or without ``s``.
+    """Return a speed, with ``max`` for as fast as possible, or seconds, with or without ``s``.
 
     :raises ValueError: it is none.
     """

@@ -42,7 +42,8 @@ def other_processes(root: Path = Path("/")) -> list[Process]:
 
 
 def other_users(tty: str) -> list[Process]:
-    """The other processes that have it open, as far as this user may see that: each byte reaches only one reader.
+    """Return the other processes that have it open, as far as this user may see that: each byte reaches only one
+    reader.
 
     :param tty: its path; a link is followed.
     """

@@ -28,7 +28,7 @@ class PtyNumber:
         self._before: _Seen | None = None
 
     def remember(self, path: str) -> None:
-        """The path was opened."""
+        """Remember that the path was opened."""
         self._before = _look(path)
 
     @contextlib.contextmanager
@@ -48,7 +48,8 @@ class PtyNumber:
             os.close(kept)
 
     def is_a_strangers(self, path: str) -> bool:
-        """The remembered pty has ended, and the path is a pty although the path itself is as it was.
+        """Return whether the path is now another program's pty: the remembered one has ended, although the path itself
+        is unchanged.
 
         The same number is never the same pty, even if both were made at the same time: the file system's clock has
         steps of milliseconds.

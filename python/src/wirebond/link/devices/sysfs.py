@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def text(path: Path | str) -> str | None:
-    """A small file without the line's end; None if it is not there or may not be read."""
+    """Return a small file without the line's end; None if it is not there or may not be read."""
     try:
         with open(path, encoding="utf-8", errors="replace") as file:  # noqa: PTH123 called for each tty: a path object costs
             return file.read().strip()
@@ -16,7 +16,7 @@ def text(path: Path | str) -> str | None:
 
 
 def number(path: Path | str, base: int = 10) -> int | None:
-    """The number in a small file; None if there is none."""
+    """Return the number in a small file; None if there is none."""
     found = text(path)
     try:
         return None if found is None else int(found, base)
@@ -25,7 +25,7 @@ def number(path: Path | str, base: int = 10) -> int | None:
 
 
 def linked_name(path: Path | str) -> str | None:
-    """The last part of what a symbolic link shows: the driver's name of ``.../driver``."""
+    """Return the last part of what a symbolic link shows: the driver's name of ``.../driver``."""
     try:
         return Path(os.readlink(path)).name  # noqa: PTH115 as above
     except OSError:
@@ -33,7 +33,7 @@ def linked_name(path: Path | str) -> str | None:
 
 
 def below(root: Path, path: str) -> Path:
-    """The place of an absolute path in the tree whose top is `root`."""
+    """Return the place of an absolute path in the tree whose top is `root`."""
     return root / path.lstrip("/")
 
 

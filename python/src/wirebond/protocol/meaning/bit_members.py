@@ -72,7 +72,7 @@ class BitMembers:
 
 
 def with_pieces(container: Field, node: Mapping) -> Field:
-    """The number with the places of all pieces of its values."""
+    """Return the number with the places of all pieces of its values."""
     found: dict[str, list[tuple[int, int]]] = defaultdict(list)
     for member in members_of(container):
         name = member.field.name

@@ -85,7 +85,7 @@ def _can_be_sent(form: Form, fields: Mapping[str, Field]) -> bool:
 
 
 def _allowed(field: Field) -> Intervals:
-    """The bits of the values that a header field may have; empty: any, as far as is easily told."""
+    """Return the bits of the values that a header field may have; empty: any, as far as is easily told."""
     if field.enum:
         return tuple((bits, bits) for bits in sorted({field.wire_bits(name) for name, _ in field.enum}))
     if not field.is_unsigned or field.is_scaled or field.minimum is None or field.maximum is None:
@@ -106,7 +106,7 @@ def _asked(form: Form, field: HeaderNumber) -> list[Choice]:
 
 
 def _uncarried_id(allowed: list[Form], message: Message, id_bits: int) -> int | None:
-    """An id of the message that none of these forms carries; None if there is no such id."""
+    """Return an id of the message that none of these forms carries; None if there is no such id."""
     if not message.has_id:
         return None if allowed else 0
     asked = [_id_choices(form) for form in allowed]
@@ -120,12 +120,12 @@ def _id_choices(form: Form) -> list[Choice]:
 
 
 def _room(bits: int) -> Choice:
-    """An id that has no more bits."""
+    """Return an id that has no more bits."""
     return Choice(Subject.ID, "", (1 << ID_BITS) - 1, ((0, (1 << bits) - 1),))
 
 
 def _breaking(asked: list[list[Choice]], so_far: tuple[Choice, ...]) -> int | None:
-    """An id with which all of ``so_far`` hold, and of each form one choice does not."""
+    """Return an id with which all of ``so_far`` hold, and of each form one choice does not."""
     found = some_value(so_far, ID_BITS)
     if found is None or not asked:
         return found

@@ -28,7 +28,7 @@ class ChecksAmongParts:
         self._parts, self._names, self._order, self._wrong = parts, names, order, wrong
 
     def lower(self, index: int, check: CheckSyntax, node: Mapping) -> Part:
-        """The check at this place of the frame, with its algorithm and what it covers."""
+        """Return the check at this place of the frame, with its algorithm and what it covers."""
         part = self._parts[index]
         options = node.get("check")
         where = options if isinstance(options, Mapping) else Mapping(node.value_place("check"))
@@ -63,7 +63,7 @@ class ChecksAmongParts:
         )
 
     def _lower_run(self, index: int, part: Part, check: CheckSyntax, where: Mapping, node: Mapping) -> Part:
-        """A check that has some bits of the part before it."""
+        """Return a check that has some bits of the part before it."""
         run, algorithm = part.in_bits, part.algorithm
         assert run is not None
         assert algorithm is not None
@@ -122,7 +122,8 @@ class ChecksAmongParts:
 
 
 def with_decimal_check(parts: list[Part], nodes: list[Mapping], envelope: Envelope, wrong: Wrong) -> Envelope:
-    """A check in decimal digits has no fixed size: it lies between a constant and the delimiter."""
+    """Return the envelope with a check in decimal digits. It has no fixed size: it lies between a constant and the
+    delimiter."""
     index = next((index for index, part in enumerate(parts) if part.as_decimal), None)
     if index is None:
         return envelope
@@ -149,8 +150,8 @@ def with_decimal_check(parts: list[Part], nodes: list[Mapping], envelope: Envelo
 
 
 def mark_checks_on_wire(parts: list[Part], nodes: list[Mapping], envelope: Envelope, wrong: Wrong) -> None:
-    """A check beside the stuffed parts is taken after stuffing, where it covers them, a length that counts their
-    bytes, or another such check."""
+    """Mark the checks that are calculated after stuffing: those beside the stuffed parts that cover them, a length that
+    counts their bytes, or another such check."""
     stuffed = [index for index, part in enumerate(parts) if not part.is_plain]
     counting = holder(parts, PartKind.LENGTH, BitRole.LENGTH) if envelope.delimiter is None else None
     for index, part in enumerate(parts):
@@ -169,7 +170,7 @@ def mark_checks_on_wire(parts: list[Part], nodes: list[Mapping], envelope: Envel
 
 
 def validate_order_of_checks(parts: list[Part], nodes: list[Mapping], wrong: Wrong) -> None:
-    """A check over another needs its value. Header checks are worked out first, the rest in order."""
+    """Refuse a check over a later one: it needs the value. Header checks are calculated first, the rest in order."""
     payload_index = next(i for i, part in enumerate(parts) if part.kind == PartKind.PAYLOAD)
 
     def turn(index: int) -> tuple[bool, int]:

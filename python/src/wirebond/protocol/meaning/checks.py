@@ -19,7 +19,8 @@ _BYTE = 8  # bits
 
 
 def algorithm_of(check: Check, node: Mapping, order: ByteOrder, wrong: Callable[[Place, str], None]) -> Algorithm:
-    """The algorithm that ``check`` describes. ``order``: of the check's bytes; ``wrong`` takes what cannot be."""
+    """Return the algorithm that ``check`` describes. ``order``: of the check's bytes; ``wrong`` takes what cannot
+    be."""
     return _Reader(check, node, wrong).read(order)
 
 

@@ -28,7 +28,7 @@ _MOST = 2**64 - 1
 
 
 def read_condition(text: ConditionText, parts: list[Part], index: int, place: Place, wrong: Wrong) -> Condition | None:
-    """The condition of ``parts[index]``; None after saying what is wrong. ``parts`` have their header fields."""
+    """Return the condition of ``parts[index]``; None after saying what is wrong. ``parts`` have their header fields."""
     try:
         return _Reader(parts, index).condition(text)
     except Fault as fault:
@@ -126,7 +126,7 @@ class _Reader:
 
 
 def magic_ranges(text: ComparisonText | MatchText, listed: list[bytes]) -> tuple[tuple[int, int], ...]:
-    """The magics that the text names, of those of the frame, in their order. Raises ``Fault``."""
+    """Return the magics that the text names, of those of the frame, in their order. Raises ``Fault``."""
     ranges = []
     for low, high in text.ranges:
         if low is not high or low.is_name or not all(word.startswith("0x") for word in low.words):
@@ -142,7 +142,7 @@ def magic_ranges(text: ComparisonText | MatchText, listed: list[bytes]) -> tuple
 def ranges_of(
     text: ComparisonText | MatchText, width: int, names: dict[str, int], what: str
 ) -> tuple[tuple[int, int], ...]:
-    """The numbers of ``width`` bits that the text allows. Raises ``Fault``."""
+    """Return the numbers of ``width`` bits that the text allows. Raises ``Fault``."""
     most = (1 << width) - 1
     if text.mask is not None and text.mask > most:
         raise Fault(f"{what} has {width} bits; take a lower one")

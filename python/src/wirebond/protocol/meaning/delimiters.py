@@ -8,7 +8,7 @@ from wirebond.protocol.model import Field, FrameFormat, Message
 
 
 def with_excluded(messages: tuple[Message, ...], frame_format: FrameFormat) -> tuple[Message, ...]:
-    """The messages, each text with the delimiters that would end or begin a frame within it.
+    """Return the messages, each text with the delimiters that would end or begin a frame within it.
 
     Numbers may hold such bytes by chance; ``check`` says how many frames that costs.
     """

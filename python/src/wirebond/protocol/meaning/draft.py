@@ -106,8 +106,8 @@ class Draft:
         return next(found, None)
 
     def longest_by_length(self, sender: End | None = None) -> int | None:
-        """The longest payload that a length can tell, of all forms that frames of this sender have; None without a
-        length. A message of both ends must fit the forms of each. Where the length counts the bytes on the wire, at
+        """Return the longest payload that a length can tell, of all forms that frames of this sender have; None without
+        a length. A message of both ends must fit the forms of each. Where the length counts the bytes on the wire, at
         most ``MAX_SIZE``."""
         if self.length_part is None:
             return None
@@ -145,7 +145,8 @@ def _is_strong(parts: tuple[Part, ...]) -> bool:
 def validate_sizes(
     draft: Draft, messages: Messages, max_payload: int | None, problems: Problems, max_place: Place
 ) -> int:
-    """The frame's greatest payload in bytes. ``max_payload``: the file's; None: the largest message's."""
+    """Return the frame's maximum payload in bytes, after validation. ``max_payload``: the file's; None: the
+    largest message's."""
     rule = draft.payload.payload
     complete = [(entry, entry.complete) for entry in messages.values()]
     largest = max((message.max_payload for _, message in complete if message is not None), default=0)
@@ -250,7 +251,7 @@ def _varying(field: Field, payload: Part) -> str:
 
 
 def _limit(draft: Draft, sender: End, max_payload: int | None) -> tuple[str, int | None]:
-    """The tightest bound on a message's payload, in words and in bytes."""
+    """Return the tightest bound on a message's payload, in words and in bytes."""
     bounds: list[tuple[int, Callable[[int], str]]] = [
         (MAX_SIZE, lambda n: f"a payload has at most {n}"),
     ]
@@ -319,7 +320,8 @@ def skips_failed(draft: Draft, resync: str, problems: Problems, place: Place) ->
 
 
 def longest_sent(draft: Draft, messages: Messages) -> tuple[tuple[End, int], ...]:
-    """The largest payload of each end's messages, which bounds that end's frames where the file gives no bound."""
+    """Return the largest payload of each end's messages, which bounds that end's frames where the file gives no
+    bound."""
     if draft.payload.payload == PayloadRule.FIXED:
         return ()
     read = [entry.message for entry in messages.values() if entry.message is not None]

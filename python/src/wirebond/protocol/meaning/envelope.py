@@ -170,7 +170,7 @@ class _Delimited:
                 )
 
     def _validate_sizes(self, syntax: Syntax) -> None:
-        """The stuffings that free a frame of single bytes, some of them of one byte alone."""
+        """Validate the stuffings that keep single bytes out of a frame; some of them only one byte."""
         wanted = _DELIMITERS.get(type(syntax))
         for _, mark, node in self._marks:
             if not isinstance(node, Mapping):
@@ -203,7 +203,7 @@ class _Delimited:
 
 
 def own_rule(syntax: EscapedPart, marks: list[int], place: Place, wrong: Wrong) -> Escapes:
-    """``marks``: the bytes that must not appear, because frames begin or end with them."""
+    """Return the escapes for ``marks``, the bytes that must not appear because frames begin or end with them."""
     rule = syntax.escaped
     escape, xor = rule.escape[0], rule.xor[0]
     plain = dict.fromkeys([*marks, escape, *(rule.also or b"")])
@@ -227,7 +227,7 @@ _DELIMITERS: dict[type[Syntax], tuple[bytes, str]] = {
 
 
 def stuffed_parts(syntax: Syntax, node: Node) -> list[tuple[PartSyntax, Mapping]] | None:
-    """The parts within a stuffed group, with their places; None for anything else."""
+    """Return the parts within a stuffed group, with their places; None for anything else."""
     if not isinstance(node, Mapping):
         return None
     items: Node | None

@@ -37,7 +37,7 @@ def number_text(value: Fraction) -> str:
 
 
 def fit_value(field: Field, value: Given) -> _Fitted:
-    """The value as the API takes it and an empty text, or None and what is wrong.
+    """Return the value as the API takes it and an empty text, or None and what is wrong.
 
     An array takes a list, or where its number of elements is fixed one value for all of them; flags take a number or
     a list of names. Structs, groups and padding take none.

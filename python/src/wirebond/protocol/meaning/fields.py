@@ -124,7 +124,7 @@ class ValueReader:
         }
 
     def _validated(self, field: Field) -> Field | None:
-        """The field with its default, after all that its options mean together."""
+        """Return the field with its default, validated with all its options."""
         if not self._means_something(field):
             return None
         field = _with_range_of_digits(field)
@@ -181,7 +181,7 @@ class ValueReader:
             )
 
     def _constant(self, field: Field) -> Field | None:
-        """Padding whose bits must be what the file says. ``field``: as it would be with a value."""
+        """Return padding with the bits that the file requires. ``field``: as it would be with a value."""
         assert isinstance(self._syntax, ValueSyntax)
         given = self._syntax.constant
         if given is None:

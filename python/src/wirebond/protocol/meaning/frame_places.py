@@ -122,7 +122,7 @@ def validate_forms(parts: list[Part], place: Place, wrong: Wrong) -> None:
 
 
 def validate_told_apart(parts: tuple[Part, ...], place: Place, wrong: Wrong) -> None:
-    """A receiver can tell the forms of each end apart, with few comparisons."""
+    """Validate that a receiver can distinguish the forms of each end, with few comparisons."""
     for end in (End.HOST, End.MCU, None):  # None: a receiver that hears both
         forms = planning.forms(parts, end)
         tested = sum(len(form.exclusions) for form in forms)

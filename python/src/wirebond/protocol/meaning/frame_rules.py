@@ -70,7 +70,7 @@ def _validate_unstuffed_constants(draft: Draft, wrong: Wrong) -> None:
 
 
 def _validate_sized(draft: Draft, wrong: Wrong) -> None:
-    """A stuffed frame that its length ends: what must be known before it is unstuffed."""
+    """Validate a stuffed frame that ends by its length: some parts must be known before it is unstuffed."""
     if not draft.is_sized:
         return
     first = [part.is_plain for part in draft.parts].index(False)
@@ -113,7 +113,8 @@ def _validate_first(draft: Draft, wrong: Wrong) -> None:
 
 
 def _validate_digit(draft: Draft, wrong: Wrong) -> None:
-    """A byte that is sent as one digit is below 16. The ids are compared where the messages are known."""
+    """Validate that a byte that is sent as one digit is below 16. The ids are compared later, when the messages are
+    known."""
     if draft.one_digit is None:
         return
     first = draft.parts[draft.one_digit]
@@ -128,7 +129,7 @@ def _validate_digit(draft: Draft, wrong: Wrong) -> None:
 
 
 def _validate_seeds(draft: Draft, wrong: Wrong) -> None:
-    """A check of the header alone is compared before the bytes behind the payload are there."""
+    """Validate seeds: a check of the header alone is compared before the bytes after the payload have arrived."""
     payload_index = draft.payload_index
     id_index = holder(draft.parts, PartKind.ID, BitRole.ID)
     if id_index is None or id_index < payload_index:
@@ -143,6 +144,6 @@ def _validate_seeds(draft: Draft, wrong: Wrong) -> None:
 
 
 def _tells(part: Part) -> bool:
-    """Does this part tell a frame from other bytes? A byte's worth of constant bits does."""
+    """Return whether this part distinguishes a frame from other bytes: eight constant bits do."""
     constant = sum(run.width for run in part.bits if run.role == BitRole.CONSTANT)
     return part.kind in (*_FIXED_BYTES, PartKind.CHECK) or constant >= 8

@@ -53,7 +53,7 @@ MOST_ID_BITS = 32  # of an id or a length
 
 
 def read_frame(node: Node | None, order: ByteOrder, problems: Problems) -> Draft | None:
-    """The frame's parts; None where something about them was wrong and has been reported."""
+    """Return the frame's parts; None where something about them was wrong and has been reported."""
     if not isinstance(node, Sequence):
         return None
     outer = [(readable_part(item), item) for item in node.items]
@@ -146,7 +146,7 @@ class _FrameReader:
     # ---- header fields ----
 
     def _with_header(self, parts: list[Part], inner: list[tuple[PartSyntax, Mapping]]) -> list[Part]:
-        """The parts with what their header fields mean. Each field has a name of its own."""
+        """Return the parts with what their header fields mean. Each field has a name of its own."""
         found = []
         names: dict[str, Place] = {}
         for part, (syntax, node) in zip(parts, inner, strict=True):
@@ -265,7 +265,7 @@ class _FrameReader:
     # ---- which part may stand where ----
 
     def _with_conditions(self, parts: list[Part], inner: list[tuple[PartSyntax, Mapping]]) -> list[Part]:
-        """The parts with the conditions under which they are there."""
+        """Return the parts with the conditions under which they are there."""
         found = []
         for index, (part, (syntax, node)) in enumerate(zip(parts, inner, strict=True)):
             if syntax.when is None:

@@ -36,7 +36,7 @@ class ValueReader:
         places: Mapping_[str, Node],
         at: Place,
     ) -> dict[str, GivenValue] | None:
-        """The values of a message's fields; None after reporting what is wrong.
+        """Return the values of a message's fields; None after reporting what is wrong.
 
         :param places: the mapping in which each name of ``given`` stands.
         :param at: of the whole message.
@@ -75,7 +75,7 @@ class ValueReader:
         self.problems.add(at, f"{self.what} leaves {names} of `{owner}` open; add for example `{example}`")
 
     def _value(self, field: Field, wanted: object, node: Node | None, place: Place) -> GivenValue | None:
-        """The value as ``encode`` takes it; None after reporting what is wrong."""
+        """Return the value as ``encode`` takes it; None after reporting what is wrong."""
         if field.count is None and not field.is_list:
             return self._element(field, wanted, node, place)
         most = field.count or field.max_count
@@ -124,7 +124,7 @@ def _fitted(field: Field, wanted: object) -> tuple[GivenValue | None, str]:
 
 
 def _example(field: Field) -> str:
-    """A value that would do, for advice: zeros as far as possible."""
+    """Return a value that would do, for advice: zeros as far as possible."""
     if field.count is None and not field.is_list:
         return _one(field)
     count = field.count or 1

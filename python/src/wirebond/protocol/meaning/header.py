@@ -35,7 +35,7 @@ def run_type(syntax: BitRun) -> WireType:
 
 
 def meaning_given(syntax: HeaderSyntax) -> list[str]:
-    """The options that only a header field has."""
+    """Return the options that only a header field has."""
     options = ("scale", "offset", "unit", "range", "enum", "flags", "default", "address", "broadcast")
     return [option for option in options if getattr(syntax, option) is not None]
 
@@ -73,7 +73,8 @@ def read_header_values(
 
 
 def magic_field(parts: tuple[Part, ...]) -> HeaderField | None:
-    """The magic as a header field, where frames of an end begin with one of several; its default is the first one."""
+    """Return the magic as a header field, where frames of an end begin with one of several; its default is the first
+    one."""
     of_end = {end: magics(parts, end) for end in (End.HOST, End.MCU)}
     if all(len(values) < 2 for values in of_end.values()):
         return None

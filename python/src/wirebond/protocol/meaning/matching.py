@@ -36,7 +36,8 @@ _Numbers = dict[str, tuple[Field, PayloadPlace]]
 
 
 def read_matches(draft: Draft, messages: Messages, problems: Problems) -> tuple[Draft, Messages]:
-    """The messages with what they match, and the frame with its id as a header field where a message has several."""
+    """Return the messages with what they match, and the frame with its id as a header field where a message has
+    several."""
     found: Messages = {}
     for name, entry in messages.items():
         if entry.message is None or (entry.ids is None and not entry.match):
@@ -194,7 +195,7 @@ def _holds(part: Part, field: HeaderField) -> bool:
 
 
 def paths_of(name: str, numbers: _Numbers) -> list[str]:
-    """The numbers that a name may mean: the one with this path, else those whose paths end with it."""
+    """Return the numbers that a name may mean: the one with this path, else those whose paths end with it."""
     return [name] if name in numbers else [path for path in numbers if path.endswith(f".{name}")]
 
 
@@ -214,7 +215,7 @@ def _with_constant(fields: tuple[Field, ...], path: str, value: int) -> tuple[Fi
 
 
 def _with_ids(draft: Draft, matched: list[tuple[Entry, Message]], problems: Problems) -> Draft:
-    """The id as a header field, which says what a received message has, and what a sender chooses."""
+    """Return the id as a header field, which says what a received message has, and what a sender chooses."""
     if any(field.name == ID for field in header_fields(draft.parts)):
         for entry, message in matched:
             if message.ids is not None:

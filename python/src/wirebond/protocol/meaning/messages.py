@@ -58,7 +58,7 @@ def receiver_of(end: End) -> End:
 
 
 def spoken(end: End) -> str:
-    """The end in a sentence, behind "the"."""
+    """Return the end in a sentence, behind "the"."""
     return "MCU" if end == End.MCU else end.value
 
 
@@ -134,7 +134,7 @@ def _validate_replies(messages: Messages, problems: Problems) -> None:
 
 
 def _validate_asked(entry: Entry, message: Message, messages: Messages, problems: Problems) -> None:
-    """The requests of a reply have the fields that say how many elements they want."""
+    """Validate that the requests of a reply have the fields with the number of elements that they ask for."""
     fields = entry.node.get("fields")
     for one in message.fields:
         if not isinstance(fields, Mapping):
@@ -162,7 +162,7 @@ def _validate_asked(entry: Entry, message: Message, messages: Messages, problems
 
 
 def _validate_stamps(entry: Entry, message: Message, problems: Problems) -> None:
-    """A message says once when its values were measured, and the MCU says it."""
+    """Validate that a message has one stamp at most, and that the MCU sends it."""
     fields = entry.node.get("fields")
     if not isinstance(fields, Mapping):
         return

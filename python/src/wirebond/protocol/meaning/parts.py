@@ -26,7 +26,7 @@ RUN_ROLES = {"id": BitRole.ID, "length": BitRole.LENGTH, "sequence": BitRole.SEQ
 
 
 def lower(syntax: PartSyntax, order: ByteOrder) -> Part:
-    """A part by itself; its condition, and a check's algorithm and range, come later."""
+    """Return a part by itself; its condition, and a check's algorithm and range, come later."""
     if isinstance(syntax, MagicPart):
         magic = syntax.magic
         if magic.by_end:
@@ -104,7 +104,7 @@ def with_runs_of_checks(parts: list[Part]) -> list[Part]:
 
 
 def holder(parts: Sequence[Part], kind: PartKind, role: BitRole) -> int | None:
-    """The part that holds the id or the length."""
+    """Return the part that holds the id or the length."""
     for index, part in enumerate(parts):
         if part.kind == kind or any(run.role == role for run in part.bits):
             return index

@@ -25,7 +25,7 @@ _NOT_IN_CHARACTERS = ("count", "packed", "clock", "constant")
 def read_plain(
     name: str, syntax: PlainSyntax, node: Mapping, order: ByteOrder, earlier: dict[str, Field], problems: Problems
 ) -> Field | None:
-    """The field, or None when something about it was wrong and has been reported.
+    """Return the field, or None when something about it was wrong and has been reported.
 
     ``earlier``: the fields before it, beside it; one of them may tell its number of elements or bytes.
     """
@@ -71,7 +71,8 @@ class _PlainReader(ValueReader):
         return self._constant(field) if is_constant else self._validated(field)
 
     def _in_characters(self, name: str, syntax: PlainSyntax, notation: str) -> Field | None:
-        """A number whose digits are sent. A string in every question of place, and a number in every other one."""
+        """Return a number whose digits are sent. A string in every question of place, and a number in every other
+        one."""
         digits = Digits(16 if notation == "hex" else 10, syntax.decimals or 0)
         self._validate_characters(syntax, digits)
         if not self._good:

@@ -46,7 +46,8 @@ class Types:
             self._read(name)
 
     def fields_of(self, name: str, place: Place) -> FieldList | None:
-        """The type's fields; None where something is wrong, which has been reported. ``place``: of the reference."""
+        """Return the type's fields; None where something is wrong, which has been reported. ``place``: of the
+        reference."""
         if name in self._open:
             chain = " in ".join(f"`{step}`" for step in [name, *reversed(self._open[self._open.index(name) :])])
             self.problems.add(place, f"a type cannot contain itself ({chain}); take it out")
@@ -74,7 +75,7 @@ class Types:
 
 
 def read_fields(node: Node | None, types: Types) -> tuple[FieldList, bool]:
-    """The fields that are right, and whether these are all of them. What is wrong has been reported."""
+    """Return the fields that are right, and whether these are all of them. What is wrong has been reported."""
     if node is None:
         return (), True
     if not isinstance(node, Mapping):

@@ -62,14 +62,14 @@ class Digits:
     decimals: int = 0
 
     def text(self, number: int, size: int = 0) -> str:
-        """The characters of a number, with zeros in front up to ``size`` characters."""
+        """Return the characters of a number, with zeros in front up to ``size`` characters."""
         digits = f"{abs(number):X}" if self.base == 16 else str(abs(number))
         sign, point = "-" * (number < 0), "." * (self.decimals > 0)
         digits = digits.rjust(max(self.decimals + 1, size - len(sign) - len(point)), "0")
         return sign + (f"{digits[: -self.decimals]}.{digits[-self.decimals :]}" if self.decimals else digits)
 
     def greatest(self, size: int, *, signed: bool) -> int:
-        """The greatest number of ``size`` characters, one of which is a sign if it has one."""
+        """Return the greatest number of ``size`` characters, one of which is a sign if it has one."""
         return int(self.base ** max(0, size - (self.decimals > 0) - signed) - 1)
 
 
@@ -132,7 +132,7 @@ class Field:
     digits: Digits | None = None  # of a whole number: it is sent in characters
 
     def without_ends(self, text: str) -> str:
-        """The text without the bytes that no sender may write in it: its own end, and its frame's delimiters."""
+        """Return the text without the bytes that no sender may write in it: its own end, and its frame's delimiters."""
         ends = b"".join(self.excludes) + (b"" if self.ends_with is None else bytes([self.ends_with]))
         return "".join(character for character in text if character.encode() not in ends)
 
@@ -170,8 +170,8 @@ class Field:
         return numerator, 0, denominator, self.offset
 
     def lost_digits(self, mantissa: int) -> Fraction:
-        """The most that a scaled integer's value loses, there and back, in floats of this many bits where the whole
-        numbers are not exact.
+        """Return the most that a scaled integer's value loses, there and back, in floats of this many bits where the
+        whole numbers are not exact.
 
         Each operation and each constant is off by half a unit in the last place at most (IEEE 754, round to nearest):
         there are five of the value's size on the way, and three of the offset's.
@@ -252,18 +252,18 @@ class Field:
         return min(carried), max(carried)
 
     def shortest(self, value: float) -> float:
-        """The value with the fewest decimal digits that is the same float; that of another field itself."""
+        """Return the value with the fewest decimal digits that is the same float; that of another field itself."""
         return self.float_format.shortest(value) if self.is_float else value
 
     def wire_bits(self, value: float | int | str) -> int:
-        """The bits on the wire of one integer's value, at the bottom. The value fits: see ``field_values``.
+        """Return the bits on the wire of one integer's value, at the bottom. The value fits: see ``field_values``.
 
         A scaled value becomes a whole number as in the engine: with the same doubles, halves away from zero.
         """
         return self.coding.bits_of(self.wire_number(value), self.width)
 
     def wire_number(self, value: float | int | str) -> int:
-        """The whole number on the wire of one integer's value. The value fits: see ``field_values``."""
+        """Return the whole number on the wire of one integer's value. The value fits: see ``field_values``."""
         if isinstance(value, str):
             return dict(self.enum)[value]
         if not self.is_scaled:

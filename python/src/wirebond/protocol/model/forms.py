@@ -98,7 +98,7 @@ def own_forms(parts: tuple[Part, ...], sender: End | None) -> int:
 
 
 def header_of(part: Part) -> list[HeaderField]:
-    """The header fields that this part holds."""
+    """Return the header fields that this part holds."""
     held = [part.header, *(run.header for run in part.bits)]
     return [field for field in held if field is not None]
 
@@ -115,7 +115,7 @@ def header_names(part: Part) -> list[str]:
 
 
 def magics(parts: tuple[Part, ...], sender: End | None) -> list[bytes]:
-    """The values that the magic of a frame of this sender can have, the one that is sent first before others."""
+    """Return the values that the magic of a frame of this sender can have, the one that is sent first before others."""
     found = [value for end in _ends(sender) for _, value in _magic_choices(parts, end) if value]
     return list(dict.fromkeys(found))
 
@@ -178,7 +178,7 @@ class _Growth:
         yield from self._grow(index + 1, (*present, part) if truth else present, choices)
 
     def truth(self, condition: Condition, present: tuple[Part, ...], choices: tuple[Choice, ...]) -> bool | Comparison:
-        """The answer, or the first comparison that it depends on."""
+        """Return the answer, or the first comparison that it depends on."""
         open_one: Comparison | None = None
         for term in condition.terms:
             if isinstance(term, Condition):
@@ -239,7 +239,7 @@ def _joined(choices: tuple[Choice, ...], choice: Choice) -> tuple[Choice, ...]:
 
 
 def _renumbered(parts: tuple[Part, ...], present: tuple[Part, ...]) -> tuple[Part, ...]:
-    """Checks name the parts that they cover by index: follow the parts that are left."""
+    """Renumber the parts that checks cover, which they name by index, for the parts that are left."""
     names = {part.name for part in present}
     kept = [i for i, part in enumerate(parts) if part.name in names]
 
@@ -280,7 +280,7 @@ def can_be(choices: tuple[Choice, ...], width: int) -> bool:
 
 @lru_cache(maxsize=4096)
 def some_value(choices: tuple[Choice, ...], width: int, prefer: int = 0) -> int | None:
-    """A number of this many bits for which all of these choices hold, with bits of ``prefer`` where possible."""
+    """Return a number of this many bits for which all of these choices hold, with bits of ``prefer`` where possible."""
     seen: set[tuple[int, ...]] = set()
 
     def search(bit: int, value: int) -> int | None:

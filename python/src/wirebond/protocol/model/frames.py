@@ -317,7 +317,7 @@ class FrameFormat:
     longest_sent: tuple[tuple[End, int], ...] = ()  # of each end, where the file has no `max_payload`
 
     def max_payload_from(self, sender: End | None) -> int:
-        """The greatest payload of this end's frames; None: of either end's."""
+        """Return the greatest payload of this end's frames; None: of either end's."""
         return dict(self.longest_sent).get(sender, self.max_payload) if sender is not None else self.max_payload
 
     def part(self, kind: PartKind) -> Part | None:

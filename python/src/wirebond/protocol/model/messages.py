@@ -120,7 +120,7 @@ class Message:
         return layout_of(self.fields)
 
     def field_at(self, column: str) -> Field | None:
-        """The field of a column, such as `joints[3].position`; None: no field has its values."""
+        """Return the field of a column, such as `joints[3].position`; None: no field has its values."""
         fields, found = self.fields, None
         for name in _INDEX.sub("", column).split("."):
             found = next((field for field in fields if field.name == name), None)

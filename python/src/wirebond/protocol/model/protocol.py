@@ -147,7 +147,7 @@ class Protocol:
     text: str = field(default="", compare=False, repr=False)  # of the file
 
     def message(self, name: str) -> Message:
-        """The message of this name; KeyError if there is none."""
+        """Return the message of this name; KeyError if there is none."""
         for message in self.messages:
             if message.name == name:
                 return message

@@ -62,7 +62,7 @@ class ConditionText:
 
 
 def parse(text: str) -> ConditionText:
-    """Raises the error of a wrong value."""
+    """Parse a condition. Raises the error of a wrong value."""
     return _Parser(text).whole()
 
 
@@ -94,7 +94,7 @@ class _Parser:
         return self._tokens[self._at] if self._at < len(self._tokens) else ""
 
     def _take(self, *wanted: str) -> str:
-        """The next token if it is one of these; else empty."""
+        """Return the next token if it is one of these; else empty."""
         if self._peek() not in wanted or not self._peek():
             return ""
         self._at += 1

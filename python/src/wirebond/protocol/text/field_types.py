@@ -105,14 +105,14 @@ def is_field_type(word: str) -> bool:
 
 
 def wire_type(word: str) -> WireType:
-    """The type of a word that is one: `u16be`, `i5`."""
+    """Return the type of a word that is one: `u16be`, `i5`."""
     found = _WHOLE_TYPES.get(word) or _ANY_WIDTH.get(word)
     assert found is not None, word
     return found
 
 
 def _header_type(value: object) -> WireType:
-    """A header field that begins and ends with a byte."""
+    """Return a header field that begins and ends with a byte."""
     if isinstance(value, str) and value in _WHOLE_INTEGERS:
         return _WHOLE_INTEGERS[value]
     known = FOREIGN_TYPES.get(value.lower()) if isinstance(value, str) else None
@@ -127,7 +127,7 @@ def _header_type(value: object) -> WireType:
 
 
 def _run_type(value: object) -> WireType:
-    """A header field among bits."""
+    """Return a header field among bits."""
     found = (_WHOLE_INTEGERS.get(value) or _ANY_WIDTH.get(value)) if isinstance(value, str) else None
     if found is None or found.order is not None or found.coding not in _IN_HEADERS:
         raise wrong(f"{describe(value)} is not a type of a run of bits; possible: u1 to u64, i2 to i64, s2 to s64")

@@ -289,13 +289,14 @@ class CheckPart(PartSyntax):
 
 
 def part_key(value: object) -> str:
-    """The tag of a part in the unions of parts; empty: it is none."""
+    """Return the tag of a part in the unions of parts; empty: it is none."""
     found = part_keys(value) if isinstance(value, dict) else []
     return _TAG + found[0] if found else ""
 
 
 def part_keys(value: dict[str, object]) -> list[str]:
-    """The keys that say which part this is. An option that is called as a part (`bits` within `fields`) is none."""
+    """Return the keys that say which part this is. An option that is called as a part (`bits` within `fields`) is
+    none."""
     return [key for key in value if key in INNER or key in _OUTER]
 
 
@@ -320,7 +321,7 @@ def one_part(allowed: Collection[str]) -> Callable[[object], object]:
 
 
 def union_of(parts: Mapping[str, type[Syntax]]) -> Any:
-    """The type of a part that is one of these, by their keys."""
+    """Return the type of a part that is one of these, by their keys."""
     tagged = (Annotated[part, Tag(_TAG + key)] for key, part in parts.items())
     return Annotated[reduce(or_, tagged), Discriminator(part_key), BeforeValidator(one_part(parts))]
 

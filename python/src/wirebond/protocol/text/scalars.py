@@ -27,12 +27,12 @@ MAX_BROADCAST = 4
 
 
 def wrong(sentence: str, kind: Literal["wrong_value", "wrong_key"] = "wrong_value") -> PydanticCustomError:
-    """The error to raise for a value (or key); ``grammar`` gives it its place in the file."""
+    """Return the error to raise for a value (or key); ``grammar`` gives it its place in the file."""
     return PydanticCustomError(kind, "{sentence}", {"sentence": sentence})
 
 
 def describe(value: object) -> str:
-    """A value in the words of a file's author."""
+    """Return a value in the words of a file's author."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):
@@ -59,7 +59,7 @@ def word(*allowed: str) -> Callable[[object], str]:
 
 
 def one_word(*allowed: str) -> Any:
-    """The annotation of a value that is one of a few words."""
+    """Return the annotation of a value that is one of a few words."""
     return PlainValidator(word(*allowed), json_schema_input_type=Literal[allowed])
 
 
@@ -280,7 +280,7 @@ def _frame_bytes(value: object) -> bytes:
 
 
 def _given_value(value: object) -> Any:
-    """A value, or lists and mappings of such; the reader bounds how deep."""
+    """Return a value, or lists and mappings of such; the reader bounds how deep."""
     if isinstance(value, list):
         return [_given_value(item) for item in value]
     if isinstance(value, dict):
@@ -391,7 +391,7 @@ class WireType:
 
 
 def both_orders(word: str, kind: FieldKind, size: int, coding: Coding = UNSIGNED) -> dict[str, WireType]:
-    """A number's type by its word, and with a byte order behind it where it has several bytes."""
+    """Return a number's type by its word, and with a byte order behind it where it has several bytes."""
     orders = {"": None, "le": ByteOrder.LITTLE, "be": ByteOrder.BIG} if size > 1 else {"": None}
     return {
         word + ending: WireType(word + ending, kind, size, order, coding=coding) for ending, order in orders.items()

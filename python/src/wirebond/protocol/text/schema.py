@@ -15,12 +15,12 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def json_schema() -> dict[str, Any]:
-    """A new dict each time; the caller may change it."""
+    """Return a new dict each time; the caller may change it."""
     return schema_of(File, "Wirebond protocol file")
 
 
 def schema_of(grammar: type[Syntax], title: str) -> dict[str, Any]:
-    """The schema of the files that this grammar describes. A new dict each time."""
+    """Return the schema of the files that this grammar describes. A new dict each time."""
     schema = _tidied(grammar.model_json_schema(mode="validation"))
     assert isinstance(schema, dict)
     return {"$schema": DIALECT, **schema, "title": title}

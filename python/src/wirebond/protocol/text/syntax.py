@@ -28,7 +28,7 @@ def validate_syntax(root: Node, problems: Problems, grammar: type[Syntax] = File
 
 
 def readable(model: type[_Model], node: Node) -> _Model | None:
-    """This piece of the file by itself, or None where its syntax is wrong (`validate_syntax` reports it)."""
+    """Return this piece of the file by itself, or None if its syntax is wrong (`validate_syntax` reports it)."""
     try:
         return model.model_validate(plain(node))
     except ValidationError:

@@ -41,7 +41,7 @@ class Number:
     value: int | float
 
     def exact(self) -> Fraction:
-        """The decimal as written, without a float's rounding. Only for finite numbers."""
+        """Return the decimal as written, without a float's rounding. Only for finite numbers."""
         if isinstance(self.value, int):
             return Fraction(self.value)
         if self.value == 0:
@@ -95,7 +95,7 @@ Node = Scalar | Sequence | Mapping
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
-    """The text of a file. Raises ProtocolFileError with one sentence if there is none to be had."""
+    """Return the text of a file. Raises ProtocolFileError with one sentence if there is none to be had."""
     problems = Problems(str(path))
     if "\0" in str(path):
         problems.stop(WHOLE_FILE, "no file's name has a zero byte in it; check the path")
@@ -114,7 +114,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
 
 
 def decoded(data: bytes, path: str) -> str:
-    """The text in a file's bytes, of which one more than allowed is enough. Raises as `read_text` does.
+    """Return the text in a file's bytes, of which one more than allowed is enough. Raises as `read_text` does.
 
     :param path: the name that errors give it.
     """
@@ -140,7 +140,7 @@ def _of_folder(folder: Path) -> str:
 
 
 def parse(text: str, problems: Problems) -> Node:
-    """The tree of a YAML text.
+    """Return the tree of a YAML text.
 
     Problems that leave the rest readable (a repeated key, a tag) are added to ``problems``; others raise
     ProtocolFileError at once.
@@ -175,7 +175,7 @@ def parse(text: str, problems: Problems) -> Node:
 
 
 def plain(node: Node) -> Any:
-    """The tree as dicts, lists and values, without places. Recursion is safe: MAX_DEPTH bounds it."""
+    """Return the tree as dicts, lists and values, without places. Recursion is safe: MAX_DEPTH bounds it."""
     if isinstance(node, Scalar):
         return node.value
     if isinstance(node, Sequence):
@@ -231,8 +231,8 @@ def _advice_at(text: str, what: str, place: Place, context: Any) -> str:
 
 
 def _misplaced_line(text: str, what: str, place: Place) -> str:
-    """A sentence where the line begins in a column that it may not have, or the one above has no colon; else empty.
-    The parser would say "expected <block end>", or speak of mappings."""
+    """Return a sentence where the line begins in a column that it may not have, or the one above has no colon; else
+    empty. The parser would say "expected <block end>", or speak of mappings."""
     lines = [one for one in text.splitlines()[: place.line] if one.strip() and not one.lstrip().startswith("#")]
     if len(lines) < 2:
         return ""
@@ -279,7 +279,7 @@ def _validate_size(size: int, problems: Problems) -> None:
 
 
 def value_of(text: str) -> Value:
-    """A plain scalar by YAML 1.2's core schema: `yes`, `on` and `1_000` are text."""
+    """Return a plain scalar by YAML 1.2's core schema: `yes`, `on` and `1_000` are text."""
     if text in _WORDS:
         return _WORDS[text]
     if len(text) > MAX_NUMBER_LENGTH:

@@ -35,7 +35,7 @@ class Happenings:
 
 
 def sentence(event: LinkEvent) -> str:
-    """The event in words."""
+    """Return the event in words."""
     facts = event.facts
     match event.kind:
         case "port_up":

@@ -87,7 +87,7 @@ class History:
             self._make_room()
 
     def add_break(self, t: float) -> None:
-        """The line went away at this time."""
+        """Note that the line went away at this time."""
         with self._lock:
             self._breaks.append(t)
             del self._breaks[:-10_000]
@@ -116,7 +116,7 @@ class History:
         return self._most
 
     def range(self) -> tuple[float, float] | None:
-        """The times of the oldest and the newest row; None: there is none."""
+        """Return the times of the oldest and the newest row; None: there is none."""
         with self._lock:
             tracks = [track for track in self._tracks.values() if track.chunks]
             if not tracks:
@@ -128,7 +128,7 @@ class History:
         return list(self._tracks)
 
     def columns(self, end: End, name: str) -> list[str]:
-        """The columns of a message, as they are kept."""
+        """Return the columns of a message, as they are kept."""
         track = self._tracks.get((end, name))
         return [] if track is None else list(track.types)
 
@@ -152,7 +152,7 @@ class History:
         return self._tracks[end, name].interval
 
     def samples(self, end: End, name: str, column: str, edges: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The last value between each two neighbours of ``edges``; NaN where there is none."""
+        """Return the last value between each two neighbours of ``edges``; NaN where there is none."""
         with self._lock:
             return self._tracks[end, name].samples(column, edges)
 
@@ -210,7 +210,8 @@ class History:
     def rows_between(
         self, end: End, name: str, columns: Iterable[str], begin: float = -np.inf, end_time: float = np.inf
     ) -> tuple[NDArray[np.float64], dict[str, Array]]:
-        """Times and columns of a message's rows from ``begin`` to ``end_time``, both included, as far as they go."""
+        """Return times and columns of a message's rows from ``begin`` to ``end_time``, both included, as far as they
+        go."""
         with self._lock:
             track = self._tracks[end, name]
             parts = []
@@ -236,7 +237,7 @@ class History:
 
 
 def _narrow(fields: tuple[Field, ...], prefix: str) -> Iterable[str]:
-    """The columns of scaled numbers of few bits."""
+    """Yield the columns of scaled numbers of few bits."""
     for field in fields:
         if field.fields:
             yield from _narrow(field.fields, f"{prefix}{field.name}.")

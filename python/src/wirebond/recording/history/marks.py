@@ -21,7 +21,7 @@ class Marks:
         self.newest = 0  # the number of the newest one
 
     def struck(self, t: float, action: str, message: str) -> None:
-        """A deadline at the MCU has struck, by what it was sent."""
+        """Note that a deadline at the MCU has struck, as far as the sent messages show."""
         self._add({"t": t, "kind": "mcu_deadline_struck", "action": action, "message": message})
 
     def discarded(self, t: float, direction: str, size: int) -> None:

@@ -40,8 +40,8 @@ def shown_type(kept: np.dtype[Any]) -> np.dtype[Any]:
 def pixels_of(
     track: Track, columns: Sequence[str], begin: float, end: float, width: float, breaks: Sequence[float] = ()
 ) -> list[Pixels]:
-    """The samples of each column from ``begin`` to ``end``, both included. Pixels are ``width`` seconds and lie at
-    multiples of it: two calls with one width have the same pixels.
+    """Return the samples of each column from ``begin`` to ``end``, both included. Pixels are ``width`` seconds and lie
+    at multiples of it: two calls with one width have the same pixels.
 
     :param breaks: when the line went away, rising.
     """
@@ -93,7 +93,7 @@ class _Gaps(NamedTuple):
 
 
 def _joined(parts: list[_Part]) -> _Part:
-    """A pixel that lies in two chunks is one."""
+    """Return a pixel that lies in two chunks is one."""
     if len(parts) == 1:
         return parts[0]
     pixel = np.concatenate([part.pixel for part in parts])

@@ -20,7 +20,7 @@ class RoundTrips:
         self._found: deque[tuple[float, float]] = deque(maxlen=_MOST_KEPT)
 
     def ask(self, reply: str, times: NDArray[np.float64]) -> None:
-        """Requests left that this message answers."""
+        """Note that requests left that this message answers."""
         self._asked.setdefault(reply, deque(maxlen=_MOST_WAITING)).extend(times[-_MOST_WAITING:].tolist())
 
     def answer(self, reply: str, times: NDArray[np.float64]) -> None:

@@ -114,13 +114,13 @@ class Source:
             self._take(end, tables)
 
     def happened(self, event: LinkEvent) -> None:
-        """An event of the line."""
+        """Note an event of the line."""
         if event.kind == "port_down":
             self.history.add_break(event.t)
         self.happenings.add(event)
 
     def look(self, now: float) -> None:
-        """It is this late: marks the deadlines at the MCU that have struck."""
+        """Mark the deadlines at the MCU that have struck by this time."""
         for t, rule in self.mcu_deadlines.strikes(now):
             self.marks.struck(t, rule.then, rule.message)
 
@@ -171,13 +171,13 @@ class Source:
     # ---- out
 
     def kept(self, end: End, seconds: float) -> Reads:
-        """The bytes of this end that came in the last seconds, as far as they are kept."""
+        """Return the bytes of this end that came in the last seconds, as far as they are kept."""
         with self._lock:
             data, ends, times = self.streams[end].kept(seconds)
         return Reads(data, ends, times, [], None)
 
     def newest(self, end: End, name: str) -> Newest | None:
-        """The newest frame of this message, with its message."""
+        """Return the newest frame of this message, with its message."""
         with self._lock:
             found = self._newest.get((end, name))
             if found is not None and found.message is None:
@@ -203,7 +203,7 @@ class Source:
     def entries(
         self, most: int, name: str | None, with_discards: bool, until: float | None = None
     ) -> list[tuple[End, Entry, Message | None]]:
-        """The last frames, and what lies between frames, of both ends in the order of time."""
+        """Return the last frames, and what lies between frames, of both ends in the order of time."""
         with self._lock:
             if is_raw(self.codec):
                 reads = [(end, entry) for end in ENDS for entry in self.streams[end].reads(most)]

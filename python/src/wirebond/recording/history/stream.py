@@ -85,11 +85,11 @@ class Stream:
         return sys.getsizeof(self._bytes) + self._frames_bytes + len(self._read_ends) * _OF_READ
 
     def tables(self) -> dict[str, Any]:
-        """The columns of all messages, without rows."""
+        """Return the columns of all messages, without rows."""
         return self._follower.tables()
 
     def stats(self) -> dict[str, Any]:
-        """The account."""
+        """Return the account."""
         return self._follower.stats()
 
     # ---- in
@@ -127,7 +127,7 @@ class Stream:
         return tables
 
     def idle(self, t: float) -> dict[str, Any]:
-        """A read that began at ``t`` found nothing."""
+        """Note that a read that began at ``t`` found nothing."""
         tables = self._follower.idle(t)
         self._note(tables)
         self._note_discards(tables)
@@ -177,7 +177,7 @@ class Stream:
     # ---- out
 
     def kept(self, seconds: float) -> tuple[bytes, NDArray[np.uint64], NDArray[np.float64]]:
-        """The bytes of the reads of the last seconds, where each read ends, and when each began."""
+        """Return the bytes of the reads of the last seconds, where each read ends, and when each began."""
         times, ends = np.asarray(self._read_times), np.asarray(self._read_ends, np.uint64)
         if not len(times):
             return b"", ends, times
@@ -186,12 +186,12 @@ class Stream:
         return self.raw(begin, int(ends[-1]) - begin), ends[first:] - np.uint64(begin), times[first:]
 
     def raw(self, offset: int, size: int) -> bytes:
-        """These bytes; fewer where they are not kept any more."""
+        """Return these bytes; fewer if some are no longer kept."""
         at = max(offset - self._begin, 0)
         return bytes(self._bytes[at : max(offset + size - self._begin, 0)])
 
     def message(self, raw: bytes, name: str, t: float) -> Message | None:
-        """The message in one frame."""
+        """Return the message in one frame."""
         decoder = self._codec.decoder(self.end)
         if name in self._asking:
             decoder.expect(self._asking[name])
@@ -199,7 +199,7 @@ class Stream:
         return found[0] if found else None
 
     def reads(self, most: int) -> list[Entry]:
-        """The bytes of the last reads, as they came, oldest first."""
+        """Return the bytes of the last reads, as they came, oldest first."""
         found = []
         for i in range(max(0, len(self._read_ends) - most), len(self._read_ends)):
             begin = self._begin if i == 0 else self._read_ends[i - 1]
@@ -208,7 +208,7 @@ class Stream:
         return found
 
     def newest(self, most: int, name: str | None, with_discards: bool, until: float | None = None) -> list[Entry]:
-        """The last entries, oldest first.
+        """Return the last entries, oldest first.
 
         :param name: frames of this message alone; None: all; empty: none, and no delimiters either.
         :param until: none that came behind this time.

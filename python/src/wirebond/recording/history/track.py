@@ -183,7 +183,7 @@ class Track:
             at = self.chunks[-1].append(t, columns, at)
 
     def chunks_from(self, begin: float) -> list[Chunk]:
-        """The chunks that may hold rows from ``begin`` on, oldest first."""
+        """Return the chunks that may hold rows from ``begin`` on, oldest first."""
         found = []
         for chunk in reversed(self.chunks):
             if chunk.t[-1] < begin:
@@ -215,7 +215,7 @@ class Track:
         return total
 
     def samples(self, column: str, edges: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The last value between each two neighbours of ``edges``; NaN where there is none."""
+        """Return the last value between each two neighbours of ``edges``; NaN where there is none."""
         out = np.full(len(edges) - 1, np.nan)
         for chunk in self.chunks_from(float(edges[0])):
             t = chunk.t

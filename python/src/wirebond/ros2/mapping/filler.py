@@ -104,14 +104,14 @@ class Tree:
                 )
 
     def _if_fixed(self, name: str, reader: Any, *, in_list: bool) -> Any:
-        """The reader; None where it gives values of several sizes."""
+        """Return the reader; None where it gives values of several sizes."""
         field = self.type.field(name)
         assert field is not None, "the path was looked up"
         is_number = field.base not in ("", "string", "wstring") and (in_list or field.kind == Kind.ONE)
         return reader if is_number or isinstance(reader, Constant) else None
 
     def _with(self, values: Mapping[cdr.Steps, Any]) -> dict[str, Any]:
-        """The message with these values."""
+        """Return the message with these values."""
         copy = Tree(self.type)
         for steps, value in values.items():
             copy.put(steps, Constant(value))
@@ -141,7 +141,7 @@ class Tree:
 
 
 def source_reader(source: Source, getter: Getter | None, constants: Mapping[str, Any], as_text: bool) -> Any:
-    """The function that gives a source's value."""
+    """Return the function that gives a source's value."""
     if getter is None:
         return Constant(source.constant)
     chosen = None
@@ -182,7 +182,7 @@ class Reading:
 
 
 def word_of(value: Any) -> str:
-    """The value as a key of `values`."""
+    """Return the value as a key of `values`."""
     return ("true" if value else "false") if isinstance(value, bool) else str(value)
 
 

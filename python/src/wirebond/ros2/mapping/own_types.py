@@ -47,7 +47,7 @@ class OwnTypes:
         return [f"{self.package}/{one.name}" for one in self._found.definitions]
 
     def named(self, name: str) -> RosType | None:
-        """The type of this name, of two parts or three; None where there is none.
+        """Return the type of this name, of two parts or three; None where there is none.
 
         :raises UsageError: the package rosbags is not installed.
         """
@@ -55,7 +55,7 @@ class OwnTypes:
         return self._types.get(f"{package}/msg/{last}") if package == self.package else None
 
     def of(self, message: str) -> RosType:
-        """The type of this message of the protocol.
+        """Return the type of this message of the protocol.
 
         :raises UsageError: the package rosbags is not installed.
         """
@@ -93,8 +93,8 @@ def _is_one_number(spec: Field) -> bool:
 def own_topics(
     protocol: Protocol, own: OwnTypes, sender: End, topic: str, names: Collection[str] | None = None
 ) -> tuple[Outgoing, ...]:
-    """A topic of its own type for each message of this sender. ``topic``: its name, ``{}`` where the message's stands;
-    ``names``: for these messages alone."""
+    """Return a topic of its own type for each message of this sender. ``topic``: its name, ``{}`` where the message's
+    stands; ``names``: for these messages alone."""
     found = []
     for message in protocol.messages:
         if message.sent_by(sender) and (names is None or message.name in names):
@@ -105,7 +105,7 @@ def own_topics(
 
 
 def own_commands(protocol: Protocol, own: OwnTypes, names: Collection[str]) -> tuple[Incoming, ...]:
-    """A topic of its own type for each of these messages that the host sends. What comes is sent once."""
+    """Return a topic of its own type for each of these messages that the host sends. What comes is sent once."""
     return tuple(
         Incoming(f"~/{m.name}/send", own.of(m.name), m.name, Qos(), own.getters(m.name), None, own.plan(m.name))
         for m in protocol.messages
@@ -128,7 +128,7 @@ def _readers(definition: Definition, steps: cdr.Steps, path: str, getter: Getter
 
 
 def _frame_readers(definition: Definition, steps: cdr.Steps) -> Iterator[_Placed]:
-    """A frame has some of its format's fields; the others are 0."""
+    """Yield a reader for each field of the format; a frame has some of them, and the others are 0."""
     for member in definition.members:
         assert member.spec is not None, "a field of the frame is one of the file"
         yield (*steps, member.name), _frame_reader(member.spec.name, _to_one(member))

@@ -47,7 +47,7 @@ class PackPlan:
 
 
 def packed_choices(code: str, chosen: Mapping[str, Any]) -> dict[str, bytes] | None:
-    """The bytes of each; None where one is not of this type."""
+    """Return the bytes of each; None where one is not of this type."""
     try:
         return {word: struct.pack(f"<{code}", value) for word, value in chosen.items()}
     except struct.error:

@@ -9,7 +9,7 @@ from wirebond.ros2.mapping.grammar import File
 
 
 def json_schema() -> dict[str, Any]:
-    """A new dict each time; the caller may change it."""
+    """Return a new dict each time; the caller may change it."""
     return schema_of(File, "Wirebond mapping file for ROS 2")
 
 

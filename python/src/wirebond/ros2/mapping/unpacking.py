@@ -87,7 +87,10 @@ def _parts(type_: RosType, path: Steps, slots: Mapping[Steps, int]) -> tuple[Par
 
 
 def _part(field: RosField, path: Steps, slots: Mapping[Steps, int]) -> Part:
-    """:raises LookupError: it is of a type that Wirebond does not read."""
+    """Return the part of a field.
+
+    :raises LookupError: it is of a type that Wirebond does not read.
+    """
     if field.kind == Kind.ONE:
         return _one(field, path, slots)
     indexes = sorted({steps[len(path)] for steps in slots if len(steps) > len(path) and steps[: len(path)] == path})

@@ -34,7 +34,7 @@ class Probe:
 
 
 def probe_for(codec: Codec, message: str | None, values: Mapping[str, Any]) -> Probe:
-    """The ping service's request, or the message that is named.
+    """Return the ping service's request, or the message that is named.
 
     :raises UsageError: there is no ping service and no name, or the message has no reply.
     :raises MessageError: a value is wrong or missing.

@@ -31,7 +31,7 @@ def drawing_for(path: Path) -> Any:
 
 
 def draw(module: Any, title: str, measured: Measurement, kind: str) -> bytes:
-    """The picture's bytes: how many round trips, and of one way where it was measured, took how long.
+    """Return the picture's bytes: how many round trips, and of one way where it was measured, took how long.
 
     :param module: what `drawing_for` gave.
     :param kind: the format, such as ``png``.

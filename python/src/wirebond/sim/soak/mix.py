@@ -44,12 +44,12 @@ class Mix:
 
 
 def without_services(codec: Codec) -> Codec:
-    """A link sends the messages of services by itself. Here they are messages that nobody sends."""
+    """Return the protocol without services, whose messages a link would send by itself. Here no link sends them."""
     return Codec(replace(codec.model, services=())) if codec.model.services else codec
 
 
 def mix_of(codec: Codec) -> Mix:
-    """The experiment's own mix for its protocol. For others: every message of an end once, services left out.
+    """Return the experiment's own mix for its protocol. For others: every message of an end once, services left out.
 
     :raises UsageError: the protocol has what a soak cannot account for.
     """

@@ -12,7 +12,8 @@ NOT_INSTALLED = "There are no plots: matplotlib is not installed (`pip install m
 
 
 def draw(result: dict[str, Any], report: Path) -> list[str]:
-    """Writes ``<report>-latency.svg`` beside the report; the pictures' file names. Empty: there is no matplotlib."""
+    """Write ``<report>-latency.svg`` beside the report. Return the file names of the pictures; empty: there is no
+    matplotlib."""
     try:
         drawing = importlib.import_module("matplotlib.figure")
     except ImportError:

@@ -54,7 +54,7 @@ def verdicts(result: dict[str, Any]) -> list[str]:
 
 
 def markdown(result: dict[str, Any], plots: Sequence[str] = (), note: str = "") -> str:
-    """The whole report. ``plots`` are file names of pictures, ``note`` is a sentence in their place."""
+    """Return the whole report. ``plots`` are file names of pictures, ``note`` is a sentence in their place."""
     mcu = result["mcu_cpu_percent"]
     sections = [
         f"# Soak of {result['protocol']}",

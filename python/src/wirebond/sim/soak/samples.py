@@ -36,7 +36,7 @@ def are_numbered(codec: Codec, name: str, end: End) -> bool:
 
 
 def _numbered(message: Message, values: Mapping[str, Any], number: int, tested: set[str]) -> dict[str, Any]:
-    """The number in the low bits of the first free field, what does not fit in the next one, and so on."""
+    """Return the number in the low bits of the first free field, what does not fit in the next one, and so on."""
     return _in_fields(message.fields, values, number, (SAMPLES - 1).bit_length(), tested, "")[0]
 
 

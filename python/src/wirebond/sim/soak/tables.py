@@ -7,7 +7,7 @@ from wirebond.protocol.plan import MatchTest, Plan
 
 
 def rows(function: str, plan: Plan) -> list[str]:
-    """A function that gives the messages' rows, with tables beside it."""
+    """Return a function that gives the messages' rows, with tables beside it."""
     lines = []
     entries = []
     for place, row in enumerate(plan.messages):

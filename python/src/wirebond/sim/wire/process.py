@@ -76,7 +76,8 @@ def program() -> Program:
 
 
 def build() -> Path:
-    """The compiled program: the one that came with the package; without one it is compiled, once for its sources.
+    """Return the compiled program: the one that came with the package; without one it is compiled, once for its
+    sources.
 
     :raises WirebondError: there is no C++ compiler, or it fails.
     """

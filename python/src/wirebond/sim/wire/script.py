@@ -16,7 +16,7 @@ _EXAMPLE = "such as `2.5 unplug 0.5`, `3 a_to_b drop 10`, `3 flip 0x80`, `4 b_to
 
 
 def read_script(path: Path) -> tuple[str, ...]:
-    """The faults of this file, as words for the process.
+    """Return the faults of this file, as words for the process.
 
     :raises UsageError: it cannot be read, or a line of it: the sentence names the line.
     """

@@ -101,7 +101,7 @@ def _ranges(case: Case, failed: _Failed) -> Iterator[tuple[int, int]]:
 
 
 def _outer(part: Part) -> tuple[int, int]:
-    """The first and the last part that a check covers."""
+    """Return the first and the last part that a check covers."""
     return min(part.covered, default=0), part.last_covered
 
 
@@ -119,7 +119,7 @@ def _difference(case: Case, mine: Part, other: Part) -> str:
 
 
 def _replaced(case: Case, failed: _Failed, part: Part) -> Guess | None:
-    """The guess with this check part, unless its value differs: then nothing need be examined."""
+    """Return the guess with this check part, unless its value differs: then nothing need be examined."""
     if not same_check(part, check_value(part, failed.covered(case.data, part.ranges), failed.seed), failed.found):
         return None
     protocol = with_part(case.protocol, case.parts, failed.index, part)
@@ -220,7 +220,7 @@ def byte_orders(case: Case) -> Guesses:
 
 
 def seeds(case: Case) -> Guesses:
-    """The message's seed another one, or none at all: its definition differs on the two ends."""
+    """Guess that the message's seed is another one, or none at all: its definition differs on the two ends."""
     failed = _failed(case)
     message = None if case.verdict is None else case.verdict.message
     if failed is None or message is None or not failed.part.seeded:
@@ -252,7 +252,7 @@ def _other_spelling(part: Part) -> list[Part]:
 
 
 def _with_algorithm(part: Part, algorithm: Algorithm) -> list[Part]:
-    """The part with another algorithm whose value, or one byte of it, fits its place."""
+    """Return the part with another algorithm whose value, or one byte of it, fits its place."""
     if part.algorithm is not None and replace(algorithm, unit_order=part.algorithm.unit_order) == part.algorithm:
         return []
     if part.in_bits is not None:
@@ -268,7 +268,7 @@ def _with_algorithm(part: Part, algorithm: Algorithm) -> list[Part]:
 
 
 def algorithms_of_its_kind(case: Case) -> Guesses:
-    """A CRC for a CRC, a sum for a sum, over the file's own range."""
+    """Guess a CRC for a CRC, a sum for a sum, over the file's own range."""
     yield from _algorithms(case, same_kind=True)
 
 
@@ -286,7 +286,7 @@ def _algorithms(case: Case, *, same_kind: bool) -> Guesses:
 
 
 def all_ranges(case: Case) -> Guesses:
-    """The file's own algorithm over every other range."""
+    """Guess the file's own algorithm over every other range."""
     failed = _failed(case)
     if failed is None:
         return
@@ -306,7 +306,7 @@ def all_algorithms_and_ranges(case: Case) -> Guesses:
 
 
 def solved(cases: Sequence[Case], *, thorough: bool) -> Solved | None:
-    """The check whose parameters follow from the frames: over the file's own range, or else over a near one.
+    """Return the check whose parameters follow from the frames: over the file's own range, or else over a near one.
 
     None where the catalogue's algorithms are all that these frames can tell, as too few of them have such a check.
     """
@@ -338,14 +338,14 @@ def solved(cases: Sequence[Case], *, thorough: bool) -> Solved | None:
 
 
 def _number(failed: _Failed, order: ByteOrder) -> int:
-    """The value that stands as the check."""
+    """Return the value that stands as the check."""
     if failed.part.as_hex:
         return int(failed.found, 16)
     return int.from_bytes(failed.found, "big" if order == ByteOrder.BIG else "little")
 
 
 def as_peers_check(case: Case) -> Guesses:
-    """The check as another protocol file has it, where its range has names that this frame has too."""
+    """Guess the check of another protocol file, if its range has names that this frame has too."""
     failed = _failed(case)
     if failed is None or failed.part.in_bits is not None:
         return

@@ -38,7 +38,7 @@ def extra_byte(case: Case) -> Guesses:
 
 
 def lost_constants(case: Case) -> Guesses:
-    """The whole magic, or single bytes of constants, lost; where they stand is known."""
+    """Guess that the whole magic, or single bytes of constants, are lost; their places are known."""
     first = case.parts[0]
     for kept in range(first.size if first.kind in CONSTANTS else 0):
         missing = first.value[: first.size - kept]
@@ -52,8 +52,8 @@ def lost_constants(case: Case) -> Guesses:
 
 
 def lost_byte(case: Case) -> Guesses:
-    """A byte lost that is often lost or often there: a zero, FF, one of two equal ones, an escape. Any value at all
-    where the checks are wide enough to tell."""
+    """Guess that a byte is lost that is often lost or often there: a zero, FF, one of two equal ones, an escape. Any
+    value at all where the checks are wide enough to tell."""
     width = max((part.check_bits for part in case.parts if part.kind == PartKind.CHECK), default=0)
     for at in range(len(case.block) + 1):
         neighbours = set(case.block[max(0, at - 1) : at + 1])
@@ -90,7 +90,7 @@ def _translations(case: Case) -> Iterator[tuple[bytes, str]]:
 
 
 def without_delimiters(case: Case) -> Guesses:
-    """The block is all that was given, and has lost the bytes around it."""
+    """Guess that the given block has lost the delimiters around it."""
     frame_format = case.protocol.format
     if frame_format.delimiter is None:
         return

@@ -73,7 +73,7 @@ def other_sender(case: Case) -> Guesses:
 
 
 def unknown_message(case: Case) -> Guesses:
-    """A whole frame of a message, or of a payload size, that the file does not have."""
+    """Guess a whole frame of a message, or of a payload size, that the file does not have."""
     verdict = case.verdict
     if verdict is None:
         return
@@ -141,7 +141,7 @@ def unknown_message(case: Case) -> Guesses:
 
 
 def unlisted_seed(case: Case) -> Guesses:
-    """A message that the file does not have, under a check that counts each message's own seed."""
+    """Guess a message that the file does not have, under a check that counts each message's own seed."""
     verdict = case.verdict
     if verdict is None or verdict.id is None or verdict.message is not None:
         return
@@ -217,14 +217,14 @@ def payload_sizes(case: Case) -> Guesses:
 
 
 def _ends_well(case: Case, size: int) -> bool:
-    """Does a frame of this size end where the bytes do, or where another begins?"""
+    """Return whether a frame of this size ends at the end of the bytes, or at the begin of another frame."""
     first = case.parts[0]
     rest = case.block[size:]
     return not rest or first.kind not in CONSTANTS or rest.startswith(first.value)
 
 
 def _size_in_question(case: Case, rule: Part) -> int | None:
-    """The payload's size, where a number of the file alone says it."""
+    """Return the payload's size, where a number of the file alone says it."""
     if case.verdict is None or case.protocol.format.delimiter is not None or case.protocol.format.ends_by_silence:
         return None
     if rule.payload == PayloadRule.FIXED:
@@ -236,7 +236,7 @@ def _size_in_question(case: Case, rule: Part) -> int | None:
 
 
 def with_payload_size(protocol: Protocol, parts: tuple[Part, ...], at: int, size: int) -> Protocol:
-    """The protocol with payloads of ``size`` bytes, whatever its messages say; ``parts[at]`` is the payload."""
+    """Return the protocol with payloads of ``size`` bytes, whatever its messages say; ``parts[at]`` is the payload."""
     rule = replace(parts[at], payload=PayloadRule.FIXED, fixed_payload=size)
     changed = with_part(protocol, parts, at, rule)
     longest = max(size, protocol.format.max_payload)
@@ -299,7 +299,7 @@ def other_constants(case: Case) -> Guesses:
 
 
 def other_protocols(case: Case) -> Guesses:
-    """The bytes as they stand, by the other protocol files at hand."""
+    """Guess that the bytes belong to another protocol file at hand."""
     for peer in case.peers:
         ours, theirs = case.protocol.format, peer.format
         same_cut = (ours.delimiter, ours.opening, ours.ends_by_silence) == (

@@ -86,7 +86,7 @@ Guesses = Iterator[Guess | None]
 
 
 def look(protocol: Protocol, block: bytes, sender: End | None) -> tuple[Verdict, bytes] | None:
-    """The verdict on a block and its unstuffed bytes; None where the stuffing cannot be undone."""
+    """Return the verdict on a block and its unstuffed bytes; None where the stuffing cannot be undone."""
     frame_format = protocol.format
     if frame_format.is_sized:
         sized = examine_sized(protocol, block, sender)
@@ -152,7 +152,8 @@ def with_format(protocol: Protocol, frame_format: FrameFormat) -> Protocol:
 
 
 def with_part(protocol: Protocol, parts: tuple[Part, ...], index: int, part: Part) -> Protocol:
-    """The protocol with another part in place of ``parts[index]``; ``parts`` are those of one form of the frame."""
+    """Return the protocol with another part in place of ``parts[index]``; ``parts`` are those of one form of the
+    frame."""
     whole = protocol.format.parts
     places = {known.name: place for place, known in enumerate(whole)}
     if part.kind == PartKind.CHECK:
@@ -166,7 +167,7 @@ def with_part(protocol: Protocol, parts: tuple[Part, ...], index: int, part: Par
 
 
 def _under(part: Part, old: bytes, new: bytes) -> Part:
-    """A part that stands under the magic ``old`` stands under ``new`` instead: the form keeps its parts."""
+    """Return a part that stands under the magic ``old`` stands under ``new`` instead: the form keeps its parts."""
     return part if part.condition is None else replace(part, condition=_with_magic(part.condition, old, new))
 
 
@@ -185,14 +186,14 @@ def _with_magic(condition: Condition, old: bytes, new: bytes) -> Condition:
 
 
 def spelled(protocol: Protocol, name: str) -> str:
-    """The line of the `frame` section for the part of this name."""
+    """Return the line of the `frame` section for the part of this name."""
     parts = protocol.format.parts
     return f"`- {part_text(parts, next(i for i, part in enumerate(parts) if part.name == name))}`"
 
 
 def constants_as_found(case: Case) -> Case | None:
-    """The case with every constant taken for what stands in its place; None where that changes nothing, or where the
-    frame's size stays unknown."""
+    """Return the case with every constant taken for what stands in its place; None where that changes nothing, or where
+    the frame's size stays unknown."""
     protocol, assumed = case.protocol, []
     for _ in case.parts:  # each round lays one more part open
         found = look(protocol, case.block, case.sender)

@@ -23,8 +23,8 @@ _MOST_FREE = 3  # bits of init that nothing determines
 
 
 def crcs(samples: Sequence[Sample], width: int, *, thorough: bool) -> Iterator[Algorithm]:
-    """The first CRC of this width that all samples have. ``thorough``: also one over bytes whose last steps hide its
-    polynomial, which takes seconds.
+    """Yield the first CRC of this width that all samples have. ``thorough``: also one over bytes whose last steps hide
+    its polynomial, which takes seconds.
     """
     if width < _NARROWEST or max(sample.value for sample in samples) >> width:
         return
@@ -53,8 +53,8 @@ def _crc_by_divisor(samples: Sequence[Sample], shape: Shape) -> Algorithm | None
 
 
 def _linear(values: Sequence[int], width: int) -> Iterator[tuple[Sequence[int], Sequence[int]]]:
-    """Samples, by their indices, and their registers but for one constant: all; all negated; or, since a negated odd
-    number is the number with every bit but the lowest turned, those whose lowest bit is alike."""
+    """Yield samples, by their indices, and their registers but for one constant: all; all negated; or, since a negated
+    odd number is the number with every bit but the lowest turned, those whose lowest bit is alike."""
     every = range(len(values))
     yield every, values
     yield every, [-value & (1 << width) - 1 for value in values]

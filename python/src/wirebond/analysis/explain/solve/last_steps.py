@@ -31,7 +31,7 @@ class _Kind:
 
 
 def last_steps(registers: Sequence[int], values: Sequence[int], width: int, *, flips: bool = False) -> LastSteps | None:
-    """The simplest steps that make each register its value; None where none do.
+    """Return the simplest steps that make each register its value; None where none do.
 
     The bits are gone through from the lowest up: a bit of the addend decides the carry into the next, and the bit of
     the final xor follows from the first frame. The other frames refute wrong choices at once.
@@ -54,7 +54,7 @@ def last_steps(registers: Sequence[int], values: Sequence[int], width: int, *, f
 
 
 def _kinds(flips: bool) -> Iterator[_Kind]:
-    """The simplest first."""
+    """Yield the kinds of last steps, the simplest first."""
     for mask in (False, True):
         for flipped in (False, True) if flips else (False,):
             for plus, xors in product((False, True), ((0,), (1,), (0, 1))):

@@ -16,7 +16,7 @@ def remainder(number: int, divisor: int) -> int:
 
 
 def quotient(number: int, divisor: int) -> int:
-    """The whole part of a division."""
+    """Return the whole part of a division."""
     size, whole = divisor.bit_length(), 0
     while (over := number.bit_length() - size) >= 0:
         number ^= divisor << over
@@ -35,7 +35,7 @@ def product(number: int, sparse: int) -> int:
 
 
 def common_divisor(one: int, other: int) -> int:
-    """The greatest, by Euclid's algorithm."""
+    """Return the greatest, by Euclid's algorithm."""
     while other:
         one, other = other, remainder(one, other)
     return one

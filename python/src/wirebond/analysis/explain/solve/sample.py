@@ -16,17 +16,17 @@ class Sample(NamedTuple):
 
 
 def words(data: bytes, unit: int, order: Order) -> list[int]:
-    """The whole words of ``unit`` bytes."""
+    """Return the whole words of ``unit`` bytes."""
     if unit == 1:
         return list(data)
     return [int.from_bytes(data[at : at + unit], order) for at in range(0, len(data) - unit + 1, unit)]
 
 
 def tail(data: bytes, unit: int) -> bytes:
-    """The bytes behind the last whole word."""
+    """Return the bytes behind the last whole word."""
     return data[len(data) - len(data) % unit :]
 
 
 def reflected(number: int, width: int) -> int:
-    """The bits in the other order."""
+    """Return the bits in the other order."""
     return int(f"{number:0{width}b}"[::-1], 2)

@@ -22,7 +22,7 @@ def sent_otherwise(samples: Sequence[Sample], width: int) -> Iterator[Algorithm]
 
 
 def _in_digits(samples: Sequence[Sample], width: int) -> Iterator[Algorithm]:
-    """Sums in decimal digits of four bits each; plain ones also where digits have no room."""
+    """Yield sums in decimal digits of four bits each; plain ones also if digits have no room."""
     digits = [f"{sample.value:x}" for sample in samples]
     if not all(map(str.isdecimal, digits)):
         return

@@ -25,7 +25,7 @@ class Shape:
     order: Order
 
     def entering(self, covered: bytes) -> bytes:
-        """The bytes in the order in which their bits enter the register, the highest bit first."""
+        """Return the bytes in the order in which their bits enter the register, the highest bit first."""
         if self.unit > 1:
             covered += bytes(-len(covered) % self.unit)
             inside: Order = "little" if self.refin else "big"

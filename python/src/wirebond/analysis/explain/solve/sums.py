@@ -25,7 +25,7 @@ def sums(samples: Sequence[Sample], width: int) -> Iterator[Algorithm]:
 
 
 def _ways(samples: Sequence[Sample]) -> Iterator[tuple[int, Order, OddTail]]:
-    """The words that are added, and what becomes of the bytes behind the last."""
+    """Yield the words that are added, and the treatment of the bytes after the last."""
     for unit in (1, 2, 4):
         orders: tuple[Order, ...] = ("little", "big") if unit > 1 else ("little",)
         is_odd = any(tail(sample.covered, unit) for sample in samples)

@@ -19,7 +19,8 @@ _MOST_UNFILTERED = 1 << 8
 
 
 def crc_by_trial(samples: Sequence[Sample], shape: Shape) -> Algorithm | None:
-    """A CRC of this shape that all samples have. A wide one is looked for among the polynomials of the catalogue."""
+    """Return a CRC of this shape that all samples have. A wide one is looked for among the polynomials of the
+    catalogue."""
     width = shape.width
     entering = [shape.entering(sample.covered) for sample in samples]
     values = [sample.value for sample in samples]
@@ -65,7 +66,7 @@ def _with_lowest_bit(
 
 
 def _registers(data: bytes, polynomials: Polynomials, width: int, init: int) -> Polynomials:
-    """The register behind these bytes, for each polynomial."""
+    """Return the register behind these bytes, for each polynomial."""
     one, top, every = np.uint64(1), np.uint64(width - 1), np.uint64((1 << width) - 1)
     register = np.full(len(polynomials), init, dtype=np.uint64)
     for byte in data:

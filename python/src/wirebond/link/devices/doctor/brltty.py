@@ -19,7 +19,7 @@ _FOLDERS = ("/etc/udev/rules.d", "/run/udev/rules.d", "/usr/lib/udev/rules.d", "
 
 
 def check_brltty(machine: Machine) -> list[Finding]:
-    """A finding for each USB device that a rule names; one if there is none."""
+    """Return a finding for each USB device that a rule names; one if there is none."""
     rules = list(_rules(machine))
     found: dict[Path, Finding] = {}
     for interface in machine.usb_interfaces:

@@ -57,7 +57,7 @@ def _device(machine: Machine, name: str) -> str:
 
 
 def _login(machine: Machine, name: str) -> str | None:
-    """The command that ends the login console; None if there is none."""
+    """Return the command that ends the login console; None if there is none."""
     unit = f"serial-getty@{name}.service"
     runs = any(
         process.name in ("agetty", "getty") and name in " ".join(process.command).replace("/", " ").split()

@@ -10,7 +10,7 @@ from wirebond.link.devices.serial_port import SerialPort
 
 
 def check_device(machine: Machine, port: SerialPort) -> Finding:
-    """The kernel knows the port; is there a file for it?"""
+    """Check whether a port that the kernel knows has a file."""
     if port.has_device:
         return Finding("device", Verdict.OK, "its device is there", port.path)
     name = port.path.removeprefix("/dev/")

@@ -24,7 +24,7 @@ _CDC_ACM = (2, 2)  # class and subclass of a USB device that is its own serial a
 
 
 def check_driver(machine: Machine) -> list[Finding]:
-    """A finding for each adapter without a driver."""
+    """Return a finding for each adapter without a driver."""
     found = []
     for interface in machine.usb_interfaces:
         adapter = _adapter(interface)

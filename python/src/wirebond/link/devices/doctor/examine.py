@@ -53,14 +53,15 @@ def examine(machine: Machine, name: str | None = None) -> list[Finding]:
 
 
 def _not_asked_for(port: SerialPort, finding: Finding) -> Finding:
-    """A UART of the board, or a port that is in use, may be there for something else: no problem unless wanted."""
+    """Return a UART of the board, or a port that is in use, may be there for something else: no problem unless
+    wanted."""
     may_be_meant = not port.is_usb or finding.check == "holder"
     is_less = may_be_meant and finding.verdict is Verdict.PROBLEM
     return replace(finding, verdict=Verdict.WARNING) if is_less else finding
 
 
 def _ports(machine: Machine, name: str | None) -> tuple[list[SerialPort], list[Finding]]:
-    """The ports to be checked, and what there is to say before that."""
+    """Return the ports to be checked, and what there is to say before that."""
     if name is None:
         return machine.ports, [] if machine.ports else [_nothing(machine)]
     if "://" in name:

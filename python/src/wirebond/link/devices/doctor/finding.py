@@ -31,7 +31,7 @@ class Finding:
 
 
 def udev_rule(file: str, rule: str) -> tuple[str, ...]:
-    """The commands that add a rule of udev, and apply it to what is plugged in."""
+    """Return the commands that add a rule of udev, and apply it to what is plugged in."""
     return (
         f"echo '{rule}' | sudo tee -a /etc/udev/rules.d/{file}",
         "sudo udevadm control --reload && sudo udevadm trigger",

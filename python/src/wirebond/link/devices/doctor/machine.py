@@ -58,7 +58,7 @@ class Machine:
         return other_processes(self.root)
 
     def runs(self, name: str) -> Process | None:
-        """The process of this name; None if there is none."""
+        """Return the process of this name; None if there is none."""
         return next((process for process in self.processes if process.name == name), None)
 
     @cached_property
