@@ -51,7 +51,10 @@ from wirebond.sim.virtual_mcu import VirtualMcu
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
-LINKED = [*PAGES, ROOT / "CHANGELOG.md", ROOT / "firmware" / "README.md"]
+LINKED = [
+    *PAGES,
+    *(ROOT / name for name in ("CHANGELOG.md", "SECURITY.md", "CODE_OF_CONDUCT.md", "firmware/README.md")),
+]
 PORT = "/dev/ttyUSB0"
 DIFFDRIVE = load(ROOT / "protocols" / "diffdrive.yaml")
 # `c client`: compiled and run by tests/server. `cpp sketch`: compiled by tests/test_arduino.py.
@@ -504,3 +507,14 @@ def test_figures_name_a_benchmark_that_exists_and_the_readme_repeats_them() -> N
     for figure, benchmark in rows:
         assert f'"{benchmark}": (' in sources, f"no benchmark {benchmark}"
         assert f'"{figure}"' in sources or figure.startswith("collateral_"), f"no figure {figure}"
+
+
+def test_the_comparison_repeats_measured_figures() -> None:
+    measured = [ROOT / "docs" / "figures.md", *sorted((ROOT / "docs" / "peers").glob("*.md"))]
+    number = re.compile(r"\d(?:[\d .]*\d)?")
+    known = set(number.findall("\n".join(path.read_text(encoding="utf-8") for path in measured)))
+    section = (ROOT / "docs" / "comparison.md").read_text(encoding="utf-8").partition("## Figures")[2]
+    rows = [line.split("|")[2:4] for line in section.splitlines() if re.search(r"\d", line) and line.startswith("| ")]
+    found = [value for cells in rows for cell in cells for value in number.findall(cell.replace("MAVLink 2", ""))]
+    assert len(found) >= 10
+    assert [value for value in found if value not in known] == []

@@ -141,7 +141,7 @@ def test_a_server_that_starts_again_has_the_same_token_and_no_other_user_can_rea
 
 @pytest.mark.parametrize("token", ["", "a b", "tök", "a#b", "a/b"])
 def test_a_token_that_an_address_or_a_header_cannot_carry_is_refused(token: str) -> None:
-    with pytest.raises(UsageError, match="give letters, digits"):
+    with pytest.raises(UsageError, match="use only letters, digits"):
         Console(port=0, token=token)
 
 

@@ -166,7 +166,9 @@ def test_a_wrong_wish_is_a_sentence_and_the_rest_goes_on(desk: Desk) -> None:
         ]:
             say(socket, wrong)
             text = view(socket, "error")["text"]
-            assert "does not say what to show" in text or "plot" in text or "there is no view 'mesages'" in text, text
+            assert "does not name the data to show" in text or "plot" in text or "there is no view 'mesages'" in text, (
+                text
+            )
         say(socket, {"views": {"link": True, "plots": [{"id": "a", "fields": ["no.field"], "seconds": 5}]}})
         assert "no.field" in view(socket, "error")["text"]
         view(socket, "link")

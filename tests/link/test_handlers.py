@@ -97,7 +97,7 @@ def test_the_newest_of_what_never_comes_is_refused() -> None:
             link.latest("drive")
         with pytest.raises(UsageError, match="no message 'posse'"):
             link.latest("posse")
-        with pytest.raises(UsageError, match="who sent the message; leave out header="):
+        with pytest.raises(UsageError, match="name the sender of the message; leave out header="):
             link.latest("pose", header={})
 
 

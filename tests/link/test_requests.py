@@ -218,7 +218,7 @@ def test_a_request_without_a_reply_says_what_to_look_at() -> None:
                 link.request("ask", header={"servo": 3}, timeout=0.05)
             if "Nothing at all comes" not in str(raised.value):  # as behind a pause
                 break
-        raised.match(r"nothing arrived meanwhile\. .* answers ask, and the address$")
+        raised.match(r"nothing arrived in that time\. .* answers ask, and the address$")
 
 
 def test_a_late_reply_goes_to_the_loop_and_not_to_the_next_request() -> None:

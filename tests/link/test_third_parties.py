@@ -167,7 +167,7 @@ def test_a_server_that_is_not_there_or_is_in_use_is_told() -> None:
 
         thread = threading.Thread(target=hang_up)
         thread.start()
-        with pytest.raises(PortError, match="closed the connection at once; its serial port may be away, or in use"):
+        with pytest.raises(PortError, match="closed the connection at once; its serial port may be missing, or in use"):
             wirebond.open(without_deadlines(), name)
         thread.join()
     with pytest.raises(PortError, match=f"nothing listens at {name}; start the server there"):

@@ -414,7 +414,7 @@ def test_record_says_what_is_not_safe_on_the_disk(
     monkeypatch.setattr(os, "fdatasync", fails)
     assert main(["record", str(PROTOCOLS / "diffdrive.yaml"), "sim:", "-o", str(tmp_path / "run.mcap")]) == 1
     told = " ".join(capsys.readouterr().err.split())
-    assert "did not keep what was written (Input/output error)" in told
+    assert "did not store the data (Input/output error)" in told
     assert "bytes are safe on the disk" in told
 
 

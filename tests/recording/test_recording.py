@@ -385,7 +385,7 @@ def test_the_command_records_until_its_time_is_over(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     taken = Stopwatch()
-    assert main(["record", str(PROTOCOLS / "diffdrive.yaml"), "sim:", "--minutes", "0.005"]) == 0
+    assert main(["record", str(PROTOCOLS / "diffdrive.yaml"), "sim:", "--seconds", "0.3"]) == 0
     assert taken.seconds >= 0.3
     told = capsys.readouterr()
     path = Path(told.out.strip())
@@ -395,7 +395,7 @@ def test_the_command_records_until_its_time_is_over(
     assert found.is_closed
     assert 0 < found.duration < taken.seconds
     assert found.columns()["odometry"]
-    for options, code in ((["--minutes", "0"], 2), (["-o", "no/run.mcap"], 1), (["--role", "both"], 2)):
+    for options, code in ((["--seconds", "0"], 2), (["-o", "no/run.mcap"], 1), (["--role", "both"], 2)):
         assert main(["record", str(PROTOCOLS / "diffdrive.yaml"), "sim:", *options]) == code
     assert main(["record", str(PROTOCOLS / "diffdrive.yaml"), "/dev/none"]) == 3
 

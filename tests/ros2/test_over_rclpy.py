@@ -129,7 +129,7 @@ def test_emergency_stop_is_pressed_released_and_pressed_again(program: Path, tmp
         for count in (1, 2):
             drives(peer)
             presses(peer)
-            peer.wait(lambda count=count: len(said(peer, "emergency stop: what moves")) == count)
+            peer.wait(lambda count=count: len(said(peer, "emergency stop: messages that move")) == count)
             stands(peer)
             releases(peer, lambda count=count: len(said(peer, "the emergency stop is released")) == count)
         drives(peer)
@@ -143,7 +143,7 @@ def test_second_press_stops_another_program_that_drives(
         address = f"wirebond://{tmp_path}/rover.sock"
         with Server(own, tmp_path / "rover.sock"), wirebond.open(address) as other, bridge(address, tmp_path) as peer:
             presses(peer)
-            peer.wait(lambda: said(peer, "emergency stop: what moves"))
+            peer.wait(lambda: said(peer, "emergency stop: messages that move"))
             releases(peer, lambda: said(peer, "the emergency stop is released"))
             other.take_control(over=True)
 

@@ -118,7 +118,7 @@ def test_bridge_that_was_stopped_and_continued_acts_on_no_old_command(
         with Suspended(process.pid):
             peer.publish("/emergency_stop", message("std_msgs/Bool", True))
             let_pass(TOO_OLD)
-        peer.wait(lambda: said(peer, "emergency stop: what moves"))  # it is never too late
+        peer.wait(lambda: said(peer, "emergency stop: messages that move"))  # it is never too late
         stands(peer)
 
 
@@ -127,7 +127,7 @@ def test_emergency_stop_outlives_a_bridge_that_is_killed_also_on_a_full_disk(pro
         with running("rclpy", robot.port, tmp_path, full_disk=True) as (_, peer):
             drives(peer)
             presses(peer)
-            peer.wait(lambda: said(peer, "emergency stop: what moves"))
+            peer.wait(lambda: said(peer, "emergency stop: messages that move"))
         with running("rclpy", robot.port, tmp_path) as (_, peer):
             peer.wait(lambda: said(peer, "an emergency stop still holds"))
 
@@ -176,7 +176,7 @@ def test_two_bridges_share_a_server_that_restarts(
         peer.wait(lambda: said(peer, "emergency stop: NOT confirmed, trying again until false comes"))
         stack.enter_context(Server(own, socket))
         peer.wait(lambda: own.stopped)
-        peer.wait(lambda: said(peer, "emergency stop: what moves"))
+        peer.wait(lambda: said(peer, "emergency stop: messages that move"))
         releases(peer, lambda: not own.stopped)
         drives(peer)
 

@@ -402,7 +402,7 @@ def test_a_token_is_made_for_tcp_on_loopback_too(served: Served, host: str) -> N
         ("wirebond://", "has no server's name"),
         ("wirebond://a b", "has no server's name"),
         ("wirebond://host:port", "has no server's name"),
-        ("wirebond://name/else", "has a path behind"),
+        ("wirebond://name/else", "has a path after"),
         ("wirebond:///x?speed=1", "has more than a server's name"),
         ("wirebond:///" + "x" * 200, "is no path of a socket"),
     ],

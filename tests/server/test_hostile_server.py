@@ -89,7 +89,7 @@ def test_junk_after_the_answer_takes_the_link_down_with_a_sentence(served: Serve
         said = next(body for _, body in splitter.feed(client.recv(1 << 20)) if b'"re"' in body)
     tick = words.json_message({"event": "tick", "tick": json.loads(said)["tick"]})
     with hostile(words.framed(words.JSON, said), tick, junk) as port:
-        sentence = "sent what no Wirebond server sends|is no Wirebond server: it sent"
+        sentence = "sent bytes that no Wirebond server sends|is no Wirebond server: it sent"
         with pytest.raises((LinkDownError, PortError), match=sentence):
             wirebond.open(served.codec, f"wirebond://127.0.0.1:{port}?token=x")
 
@@ -110,7 +110,7 @@ def test_a_link_that_gets_junk_says_so_and_comes_back(
         number, client = next(iter(clients.items()))
         served.server._owner.loop.call_soon_threadsafe(client.write, junk)
         wait_until(
-            lambda: "sent what no Wirebond server sends" in link.why, lambda: f"why it is down; it is {link.why}"
+            lambda: "sent bytes that no Wirebond server sends" in link.why, lambda: f"why it is down; it is {link.why}"
         )
         may_attach.set()
         wait_until(lambda: number not in clients and len(clients) == 1, "it attaches again")

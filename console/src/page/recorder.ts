@@ -155,8 +155,8 @@ export class Recorder {
   private fail(error: Error): void {
     if (this.error) return;
     this.error =
-      `the recording ${this.name} ended early: ${error.message}. Download it, then delete old recordings; what was ` +
-      "written before can be read";
+      `the recording ${this.name} ended early: ${error.message}. Download it, then delete old recordings; everything ` +
+      "written before that can be read";
     this.seconds = this.clock.now() - this.started;
     this.file.close();
   }

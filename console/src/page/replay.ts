@@ -125,9 +125,9 @@ async function contentOf(file: Blob): Promise<Content> {
       reader.append(new Uint8Array(await file.slice(at, at + PIECE).arrayBuffer()));
       for (let record; (record = reader.nextRecord());) take(record);
     }
-    if (!reader.done()) content.problems.push("it was not closed: what was written before its end is shown");
+    if (!reader.done()) content.problems.push("it was not closed: everything before its end is shown");
   } catch (error) {
-    content.problems.push(`it is damaged: ${(error as Error).message}; what is before the damage is shown`);
+    content.problems.push(`it is damaged: ${(error as Error).message}; everything before the damage is shown`);
   }
   return content;
 }

@@ -172,7 +172,11 @@ LINES = "[{delimiter: 0x0A}, {id: u8}, {payload: rest}, {check: sum8}, {delimite
 @pytest.mark.parametrize(
     ("field", "value", "why"),
     [
-        ("type: text, max: 4", '"a\\nb"', "say.a has at its byte 1 what ends or begins a frame on the wire (0x0A)"),
+        (
+            "type: text, max: 4",
+            '"a\\nb"',
+            "say.a has at its byte 1 the bytes that end or begin a frame on the wire (0x0A)",
+        ),
         ("type: u8, count: 2", "[0x0A, 1]", "a receiver finds no message in its frame"),
     ],
 )

@@ -25,7 +25,7 @@ def test_each_port_is_listed_with_the_name_that_it_keeps(desk, capsys):
     assert capsys.readouterr().out == (
         "port          its kind, and its permanent name\n/dev/ttyUSB0  Silicon Labs CP2102N, driver cp210x\n         "
         "     usb:10c4:ea60:0001\n/dev/ttyUSB1  USB Serial, driver ch341\n              usb:1a86:7523\n              "
-        "there is no file /dev/ttyUSB1; `wirebond doctor /dev/ttyUSB1` says what to do\n/dev/ttyS0    UART, driver "
+        "there is no file /dev/ttyUSB1; `wirebond doctor /dev/ttyUSB1` shows the remedy\n/dev/ttyS0    UART, driver "
         "serial8250\n"
     )
 

@@ -249,7 +249,7 @@ def _send_once(link: Link, codec: Codec, name: str, values: dict[str, Any], head
                 print_message(message, codec)
                 return 0
     arrived = Arrivals.between(before, vars(link.stats.receive)).text
-    meanwhile = f"meanwhile {arrived}" if arrived else "nothing arrived meanwhile"
+    meanwhile = f"in that time {arrived}" if arrived else "nothing arrived in that time"
     sent = f"{name} was sent{f' to {whom.name}' if whom else ''}"
     errors.print(f"{sent}; no {reply} came back within {_REPLY_WAIT:g} s; {meanwhile}")
     return 1

@@ -24,11 +24,11 @@ _LINE = 10.0  # seconds between two lines where stderr is no terminal
 
 
 def record_port(
-    path: Path, port: str, out: Path | None, baud: int | None, minutes: float | None, waits: bool, role: str
+    path: Path, port: str, out: Path | None, baud: int | None, seconds: float | None, waits: bool, role: str
 ) -> int:
-    """1 where the file ended early."""
-    if minutes is not None and minutes <= 0:
-        raise UsageError(f"--minutes {minutes:g}: expected more than 0, such as 90")
+    """Record; return the exit code: 1 if the file ended early."""
+    if seconds is not None and seconds <= 0:
+        raise UsageError(f"--seconds {seconds:g}: expected more than 0, such as 10")
     codec = load(path)
     name = out or Path(f"{codec.name}-{time.strftime('%Y%m%d-%H%M%S')}.mcap")
     options = {"hello": role == End.HOST, "clock_sync": False, "role": role, "wait_for_port": waits}
@@ -37,7 +37,7 @@ def record_port(
         try:
             with ended_by_signals(), suppress(KeyboardInterrupt):
                 write(f"{name}\n")
-                _watch(link, recorder, None if minutes is None else minutes * 60)
+                _watch(link, recorder, seconds)
         finally:
             recorder.close(compact=False)
     errors.print(_line(recorder))
@@ -53,7 +53,7 @@ def record_port(
 
 
 def _watch(link: Link, recorder: Recorder, seconds: float | None) -> None:
-    """Until the time is over, or the file ended."""
+    """Show the progress until the time is over, or the file ended."""
     if errors.is_terminal:
         with Live(Text(), console=errors, refresh_per_second=5, transient=True) as live:
             for left in time_left(seconds):

@@ -8,8 +8,7 @@ from typing import Annotated
 import typer
 
 from wirebond.cli.interrupts import raise_from_here
-from wirebond.cli.numbers import amount
-from wirebond.cli.options.shared import AsJson, Baud, Port, ProtocolFile, Role
+from wirebond.cli.options.shared import AsJson, Baud, Port, ProtocolFile, Role, Seconds
 from wirebond.errors import UsageError
 
 commands = typer.Typer()
@@ -34,9 +33,7 @@ def record(
     out: Annotated[
         Path | None, typer.Option("-o", "--out", metavar="PATH", help="The new file. Default: PROTOCOL-DATE-TIME.mcap.")
     ] = None,
-    minutes: Annotated[
-        float | None, typer.Option(parser=amount, metavar="NUMBER", help="End by itself after this many minutes.")
-    ] = None,
+    seconds: Seconds = None,
     baud: Baud = None,
     wait: Annotated[bool, typer.Option("--wait", help="Begin without the port, and wait until it is there.")] = False,
     role: Role = "host",
@@ -45,7 +42,7 @@ def record(
     from wirebond.cli.commands.record import record_port
 
     raise_from_here()
-    raise typer.Exit(record_port(file, port, out, baud, minutes, wait, role))
+    raise typer.Exit(record_port(file, port, out, baud, seconds, wait, role))
 
 
 @commands.command()

@@ -31,7 +31,7 @@ Header = Annotated[
 ]
 Role = Annotated[str, typer.Option(metavar="END", help="The end that this computer plays: host or mcu.")]
 Seconds = Annotated[
-    float | None, typer.Option(parser=amount, metavar="NUMBER", help="End by itself after this many seconds.")
+    float | None, typer.Option(parser=amount, metavar="NUMBER", help="End after this many seconds.")
 ]
 Timeout = Annotated[
     float | None, typer.Option(parser=amount, metavar="NUMBER", help="Seconds for each reply. Default: 1.")
