@@ -364,7 +364,7 @@ def test_a_request_whose_peer_answers_another_one_says_so() -> None:
         for _ in moments("an answer within the time of its request"):
             with pytest.raises(RequestTimeoutError) as raised:
                 link.request("read", index=1, timeout=0.1)
-            if "A value came with index 77, where index 1 was asked for" in str(raised.value):
+            if "A value came with index 77, but index 1 was asked for" in str(raised.value):
                 break
         assert {m["index"] for m in link.receive(PATIENCE)} == {77}
 

@@ -426,7 +426,7 @@ def test_a_disk_that_fails_at_the_end_is_reported_too(tmp_path: Path, monkeypatc
         recorder = link.record(tmp_path / "run.mcap")
         monkeypatch.setattr(os, "fdatasync", fails)
         recorder.close()
-    assert "did not keep what was written" in recorder.error
+    assert "did not store the data" in recorder.error
     assert not recordings.open(tmp_path / "run.mcap").is_closed
 
 

@@ -285,11 +285,17 @@ class Table:
         return True
 
     def keys(self) -> KeysView[str]:
-        """Return the names of the columns."""
+        """Return the columns' names.
+
+        :returns: those of the table's fields, in wire order.
+        """
         return self.fields.keys()
 
     def items(self) -> ItemsView[str, Column]:
-        """Return the name and the column of each."""
+        """Return the columns with their names.
+
+        :returns: pairs of name and column.
+        """
         return self.fields.items()
 
     @property
