@@ -258,7 +258,7 @@ def test_diagnostics_name_topics_whose_messages_cannot_be_read(rover: Bench) -> 
 
     rover.node.undecodable["/cmd_vel"] += 3
     facts = {"/cmd_vel: messages not of its type": "3"}
-    rover.node.wait(lambda: topics() == (1, "what came on /cmd_vel was not of its type", facts))
+    rover.node.wait(lambda: topics() == (1, "a message on /cmd_vel was not of its type", facts))
     rover.node.wait(lambda: topics() == (0, "all messages are of their types", facts))
 
 
