@@ -31,7 +31,7 @@ def is_emergency_stop(model: Protocol, message: str, fields: Mapping[str, Any]) 
 
 
 def _left_out(fields: tuple[Field, ...]) -> dict[str, Any]:
-    """Return the values that these fields take where nobody gives one, of those that need none."""
+    """Return the default values of those fields that need no given value."""
     return {
         field.name: _default(field) for field in fields if field.has_value and not field.is_count and has_default(field)
     }

@@ -128,7 +128,7 @@ class Commands:
 
     def _frame(self, request: words.Send | words.Repeat) -> tuple[bytes, Mapping[str, Any]]:
         """Return the frame to be sent, and its header. A frame that came as bytes must be one of the message that it is
-        said to be: what moves the robot is told apart by that."""
+        said to be, because the name decides whether control is needed."""
         codec, link = self._link.codec, self._link
         own = link.internals.frames.message(request.message)
         if request.frame is None:

@@ -21,7 +21,7 @@ _WITH_A_GIVEN_FORMAT: dict[str, str | None] = {
 
 
 def suited(protocol: Protocol, findings: list[Finding]) -> list[Finding]:
-    """Return the findings with remedies that the owner of the end that can change has. What nobody can change is a
+    """Return the findings with remedies for the owner of the end that can change. What cannot be changed is a
     note."""
     if protocol.fixed is None:
         return findings

@@ -202,7 +202,7 @@ def _loses_others(sent: Protocol, read: Protocol, sender: End) -> str:
 
 
 def _sent_forms(plan: Plan) -> list[Form]:
-    """Return the forms that its messages leave with, where nobody asks for another: for each the first that carries
+    """Return the forms of sent frames, unless header values ask for another: for each message the first that carries
     it."""
     own = plan.forms[: plan.own_forms]
     sizes = {size for row in plan.messages for size in (row.min_payload, row.max_payload)}

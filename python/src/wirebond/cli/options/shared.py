@@ -30,9 +30,7 @@ Header = Annotated[
     typer.Option(metavar="NAME=VALUE", help="Value of one of the frame's own fields (header); may be given often."),
 ]
 Role = Annotated[str, typer.Option(metavar="END", help="The end that this computer plays: host or mcu.")]
-Seconds = Annotated[
-    float | None, typer.Option(parser=amount, metavar="NUMBER", help="End after this many seconds.")
-]
+Seconds = Annotated[float | None, typer.Option(parser=amount, metavar="NUMBER", help="End after this many seconds.")]
 Timeout = Annotated[
     float | None, typer.Option(parser=amount, metavar="NUMBER", help="Seconds for each reply. Default: 1.")
 ]

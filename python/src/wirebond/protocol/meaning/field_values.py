@@ -161,7 +161,7 @@ def _fit_number(field: Field, value: Fraction) -> tuple[float | int | None, str]
 
 
 def has_default(field: Field) -> bool:
-    """Is its value settled where nobody gives one?"""
+    """Return whether the field has a value if none is given."""
     if field.fields and not field.is_list:
         return all(has_default(member) for member in field.fields)
     return field.default is not None or field.is_count or not field.has_value
