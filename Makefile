@@ -43,7 +43,7 @@ check: build/requirements-dev.stamp ## lint and the pure tests that your edits r
 	@$(PYTHON) -m tests.runner.check --since $(or $(SINCE),HEAD)
 
 .PHONY: prove
-prove: build/setup-test.stamp ## all tests, the long proofs too
+prove: build/setup-test.stamp build/docs.stamp ## all tests, the long proofs too
 	@$(PYTHON) -m tests.runner --workers $(WORKERS) --long
 
 .PHONY: bench
@@ -63,6 +63,7 @@ wheels: build/setup.stamp build/requirements-dev.stamp build/page.stamp build/wa
 
 .PHONY: docs
 docs: build/docs.stamp build/page-packages.stamp ## the documentation as a site, in build/site: open index.html there
+	@$(PYTHON) setup/docs_site.py
 	@NO_MKDOCS_2_WARNING=1 build/docs/bin/mkdocs build --quiet --strict
 	@echo "build/site/index.html"
 

@@ -1,43 +1,42 @@
-"""The hooks of `mkdocs` for this site: pages from outside of docs/, and links to files of the repository.
+"""Write the pages of the documentation's site into build/site-pages, from which mkdocs builds it.
 
-The site has pages of files that stand elsewhere, such as the changelog. Links to other files of the repository, such as
-a header, become their path as text: a site that is opened from disk has no repository beside it.
+The site has pages of files outside docs/, such as the changelog. Links between them become links of the site. Links to
+other files of the repository, such as a header, become their path as text: a site that is opened from disk has no
+repository beside it. A link to a Chinese page becomes one to the page, because the site itself chooses the language.
 """
 
 from __future__ import annotations
 
 import os
 import re
+import shutil
 from pathlib import Path
 
-from mkdocs.config.defaults import MkDocsConfig
-from mkdocs.structure.files import File, Files
-from mkdocs.structure.pages import Page
-
 ROOT = Path(__file__).resolve().parents[1]
+OUT = ROOT / "build" / "site-pages"
 PAGES = {
     "README.md": "index.md",
+    "README.zh.md": "index.zh.md",
     "CHANGELOG.md": "changelog.md",
     "CONTRIBUTING.md": "contributing.md",
+    "SECURITY.md": "security.md",
+    "CODE_OF_CONDUCT.md": "conduct.md",
     "protocols/contrib/README.md": "formats.md",
-}  # in the repository, and as a page
+}  # in the repository, and on the site
 SHIM = ROOT / "console" / "node_modules" / "iframe-worker" / "shim" / "index.js"
 SHIM_ON_SITE = "assets/javascripts/iframe-worker.js"
+LEFT_OUT = ("peers/",)  # of docs/: tables that figures.md names
 _LINK = re.compile(r"(?P<bang>!?)\[(?P<text>(?:[^\[\]]|\[[^\]]*\])*)\]\((?P<to>[^)\s]+)\)")
+_OTHER_LANGUAGE = re.compile(r" ?\[(?:English|中文)\]\(README(?:\.zh)?\.md\)")
+_CODE = re.compile(r"(^```.*?^```$)", flags=re.MULTILINE | re.DOTALL)
 
 
-def on_files(files: Files, *, config: MkDocsConfig) -> Files:
-    """Add the pages from outside of docs/, and the script for search."""
-    files.append(File.generated(config, SHIM_ON_SITE, content=SHIM.read_text(encoding="utf-8")))
-    for source, page in PAGES.items():
-        content = (ROOT / source).read_text(encoding="utf-8")
-        files.append(File.generated(config, page, content=content))
-    return files
+def with_site_links(text: str, source: str, known: set[str]) -> str:
+    """Return the page with the site's links.
 
-
-def on_page_markdown(markdown: str, *, page: Page, files: Files, **_: object) -> str:
-    """Turn the links of the repository into those of the site."""
-    source = next((source for source, name in PAGES.items() if name == page.file.src_uri), f"docs/{page.file.src_uri}")
+    :param source: path in the repository.
+    :param known: the paths below docs/ that the site has.
+    """
     folder = Path(source).parent
 
     def site_link(found: re.Match[str]) -> str:
@@ -47,12 +46,33 @@ def on_page_markdown(markdown: str, *, page: Page, files: Files, **_: object) ->
         path = os.path.normpath(folder / to)
         if path in PAGES:
             target = PAGES[path]
-        elif path.startswith("docs/") and path.removeprefix("docs/") in files.src_uris:
+        elif path.removeprefix("docs/") in known and path.startswith("docs/"):
             target = path.removeprefix("docs/")
         else:
             return found["text"] if found["text"].startswith("`") else f"{found['text']} (`{path}`)"
-        behind = f"#{anchor}" if anchor else ""
-        return f"{found['bang']}[{found['text']}]({target}{behind})"
+        fragment = f"#{anchor}" if anchor else ""
+        return f"{found['bang']}[{found['text']}]({target.replace('.zh.md', '.md')}{fragment})"
 
-    parts = re.split(r"(^```.*?^```$)", markdown, flags=re.MULTILINE | re.DOTALL)
+    parts = _CODE.split(_OTHER_LANGUAGE.sub("", text))
     return "".join(part if part.startswith("```") else _LINK.sub(site_link, part) for part in parts)
+
+
+def main() -> None:
+    """Write all pages, pictures and the script with which search works from disk."""
+    shutil.rmtree(OUT, ignore_errors=True)
+    below = {str(path.relative_to(ROOT / "docs")) for path in (ROOT / "docs").rglob("*") if path.is_file()}
+    known = {path for path in below if not path.startswith(LEFT_OUT)}
+    for source, page in {**PAGES, **{f"docs/{path}": path for path in sorted(known)}}.items():
+        to = OUT / page
+        to.parent.mkdir(parents=True, exist_ok=True)
+        if source.endswith(".md"):
+            text = (ROOT / source).read_text(encoding="utf-8")
+            to.write_text(with_site_links(text, source, known), encoding="utf-8")
+        else:
+            shutil.copyfile(ROOT / source, to)
+    (OUT / SHIM_ON_SITE).parent.mkdir(parents=True)
+    shutil.copyfile(SHIM, OUT / SHIM_ON_SITE)
+
+
+if __name__ == "__main__":
+    main()

@@ -50,7 +50,8 @@ from wirebond.sim import pty_port
 from wirebond.sim.virtual_mcu import VirtualMcu
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+ENGLISH = sorted(path for path in (ROOT / "docs").glob("*.md") if ".zh" not in path.name)  # tests/test_chinese_pages.py
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *ENGLISH]
 LINKED = [
     *PAGES,
     *(ROOT / name for name in ("CHANGELOG.md", "SECURITY.md", "CODE_OF_CONDUCT.md", "firmware/README.md")),
@@ -518,3 +519,12 @@ def test_the_comparison_repeats_measured_figures() -> None:
     found = [value for cells in rows for cell in cells for value in number.findall(cell.replace("MAVLink 2", ""))]
     assert len(found) >= 10
     assert [value for value in found if value not in known] == []
+
+
+def test_every_recipe_has_an_example_that_runs() -> None:
+    page = ROOT / "docs" / "recipes.md"
+    starts = [n for n, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1) if line.startswith("### ")]
+    assert len(starts) >= 25
+    run = [block.line for block in blocks(page) if block.language in ("python", "console", "yaml")]
+    ends = [*starts[1:], sys.maxsize]
+    assert [begin for begin, end in zip(starts, ends, strict=True) if not any(begin < n < end for n in run)] == []
