@@ -63,7 +63,7 @@ wheels: build/setup.stamp build/requirements-dev.stamp build/page.stamp build/wa
 
 .PHONY: docs
 docs: build/docs.stamp build/page-packages.stamp ## the documentation as a site, in build/site: open index.html there
-	@$(PYTHON) setup/docs_site.py
+	@build/docs/bin/python setup/docs_site.py
 	@NO_MKDOCS_2_WARNING=1 build/docs/bin/mkdocs build --quiet --strict
 	@echo "build/site/index.html"
 

@@ -7,10 +7,13 @@ repository beside it. A link to a Chinese page becomes one to the page, because 
 
 from __future__ import annotations
 
+import ast
 import os
 import re
 import shutil
 from pathlib import Path
+
+import site_headers
 
 ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / "build" / "site-pages"
@@ -57,6 +60,22 @@ def with_site_links(text: str, source: str, known: set[str]) -> str:
     return "".join(part if part.startswith("```") else _LINK.sub(site_link, part) for part in parts)
 
 
+def python_reference() -> str:
+    """Return the page of the Python package's public names; mkdocstrings fills it in."""
+    module = ast.parse((ROOT / "python" / "src" / "wirebond" / "__init__.py").read_text(encoding="utf-8"))
+    (names,) = (
+        ast.literal_eval(node.value)
+        for node in module.body
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__"
+    )
+    functions_first = sorted(names, key=lambda name: (name[0].isupper(), name.endswith("Error"), name))
+    parts = "".join(f"::: wirebond.{name}\n\n" for name in functions_first)
+    return (
+        "# Python names\n\nAfter this page you know each public function and class of `wirebond`, with parameters, units "
+        f"and errors. [The Python API](python.md) explains how they work together.\n\n{parts}"
+    )
+
+
 def main() -> None:
     """Write all pages, pictures and the script with which search works from disk."""
     shutil.rmtree(OUT, ignore_errors=True)
@@ -70,6 +89,8 @@ def main() -> None:
             to.write_text(with_site_links(text, source, known), encoding="utf-8")
         else:
             shutil.copyfile(ROOT / source, to)
+    for page, text in {**site_headers.pages(), "api-python.md": python_reference()}.items():
+        (OUT / page).write_text(text, encoding="utf-8")
     (OUT / SHIM_ON_SITE).parent.mkdir(parents=True)
     shutil.copyfile(SHIM, OUT / SHIM_ON_SITE)
 
