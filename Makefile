@@ -67,6 +67,10 @@ docs: build/docs.stamp build/page-packages.stamp ## the documentation as a site,
 	@NO_MKDOCS_2_WARNING=1 build/docs/bin/mkdocs build --quiet --strict
 	@echo "build/site/index.html"
 
+.PHONY: release-check
+release-check: wheels docs ## what a release consists of, in build/release, checked: half an hour (ARGS="--without wheels" after another run)
+	@$(PYTHON) setup/release.py $(ARGS)
+
 .PHONY: lint
 lint: build/setup-test.stamp ## format, linters, strict types, dependency rules
 	@$(VENV)/bin/ruff format --check --quiet python ros2 tests bench setup

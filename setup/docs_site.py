@@ -71,8 +71,8 @@ def python_reference() -> str:
     functions_first = sorted(names, key=lambda name: (name[0].isupper(), name.endswith("Error"), name))
     parts = "".join(f"::: wirebond.{name}\n\n" for name in functions_first)
     return (
-        "# Python names\n\nAfter this page you know each public function and class of `wirebond`, with parameters, units "
-        f"and errors. [The Python API](python.md) explains how they work together.\n\n{parts}"
+        "# Python names\n\nAfter this page you know each public function and class of `wirebond`, with parameters, "
+        f"units and errors. [The Python API](python.md) explains how they work together.\n\n{parts}"
     )
 
 

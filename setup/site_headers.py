@@ -55,7 +55,9 @@ C = {
         "core/include/wirebond/mcu/dma_uart.h",
     ),
 }
-_SCOPES = ("namespace_definition", "linkage_specification", "declaration_list", "preproc_ifdef", "preproc_if", "preproc_else")
+_SCOPES = (
+    "namespace_definition", "linkage_specification", "declaration_list", "preproc_ifdef", "preproc_if", "preproc_else",
+)  # fmt: skip
 _TYPES = ("class_specifier", "struct_specifier", "union_specifier", "enum_specifier")
 _LISTED = (
     *_TYPES, "field_declaration", "function_definition", "declaration", "template_declaration", "alias_declaration",
@@ -75,14 +77,15 @@ class Entry:
 
 def pages() -> dict[str, str]:
     """Return the text of each page by its file's name."""
-    return {
-        "api-cpp.md": _page("C++ headers", CPP, "After this page you know each function and type that your C++ code can use."),
-        "api-c.md": _page("C headers", C, "After this page you know each function and type that your C code can use."),
-    }
+    return {"api-cpp.md": _page("C++", CPP), "api-c.md": _page("C", C)}
 
 
-def _page(title: str, parts: dict[str, tuple[str, ...]], begin: str) -> str:
-    lines = [f"# {title}", "", f"{begin} It is made from the headers; generated code adds the types of your messages.", ""]
+def _page(language: str, parts: dict[str, tuple[str, ...]]) -> str:
+    begin = (
+        f"After this page you know each function and type that your {language} code can use. It is made from the "
+        "headers; generated code adds the types of your messages."
+    )
+    lines = [f"# {language} headers", "", begin, ""]
     for part, headers in parts.items():
         lines += [f"## {part}", ""]
         for header in headers:
@@ -151,7 +154,8 @@ def _type(node: Node) -> Node | None:
 def _body(node: Node) -> Node | None:
     found = node.child_by_field_name("body")
     if found is None:
-        found = next((body for child in node.children if child.type in (*_TYPES, "function_definition") and (body := _body(child))), None)
+        inner = [child for child in node.children if child.type in (*_TYPES, "function_definition")]
+        found = next((body for child in inner if (body := _body(child))), None)
     return found
 
 
@@ -164,7 +168,8 @@ def _declaration(node: Node, body: Node | None) -> str:
         source = re.sub(tail, ")" if _type(node) is None else "", source, flags=re.DOTALL)
     indent = node.start_point.column
     lines = [line.removeprefix(" " * indent) for line in source.rstrip().splitlines()]
-    return re.sub(r"\bWIREBOND_INLINE\w*\s+", "", "\n".join(line for line in lines if not line.lstrip().startswith("//"))).rstrip(" {;")
+    kept = "\n".join(line for line in lines if not line.lstrip().startswith("//"))
+    return re.sub(r"\bWIREBOND_INLINE\w*\s+", "", kept).rstrip(" {;")
 
 
 def _name(node: Node) -> str:

@@ -72,7 +72,7 @@ def _loses_digits(field: Field | None, value: Any) -> bool:
     return bool(0 < min(abs(value), abs(value / float(field.scale))) < least)
 
 
-UNREADABLE = (" tells ", " does not end with ", "-bit number in ")  # in sentences of what generated code cannot read
+UNREADABLE = (" says ", " does not end with ", "-bit number in ")  # in sentences of what generated code cannot read
 
 
 Leaf = tuple[str, Field | None, Any]  # path, field (None: a number of elements), value
