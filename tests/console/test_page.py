@@ -147,7 +147,7 @@ def test_a_released_pad_repeats_zero_so_that_a_pause_does_not_end_in_safe_mode(r
 
 def test_what_cannot_reach_the_robot_is_not_offered_and_what_is_not_read_back_is_not_shown(rover: Desk) -> None:
     page = rover.page("tuning")
-    expect(page.locator("main")).to_contain_text("No message of this protocol reads back what parameter sets")
+    expect(page.locator("main")).to_contain_text("No message of this protocol reads back the values that parameter sets")
     expect(page.locator("td.in-force").first).to_have_text("not read back")
     page.get_by_role("spinbutton", name="max_linear", exact=True).fill("1")
     page.get_by_role("button", name="Send changes").click()
@@ -184,7 +184,7 @@ def test_control_is_handed_over_only_by_a_deliberate_act(rover: Desk) -> None:
     assert rover.server.holder == name
     sure.click()
     expect(second.get_by_text("You are in control")).to_be_visible()
-    expect(first.get_by_role("log")).to_contain_text("Another program has taken control over")
+    expect(first.get_by_role("log")).to_contain_text("Another program has taken over control")
     rover.robot.wait_for(lambda v: v.linear == 0, driving.t)
     expect(first.get_by_text("You are in control")).not_to_be_visible()
     rover.robot.ready(rover.link)

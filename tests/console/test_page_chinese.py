@@ -54,4 +54,4 @@ def test_a_value_that_was_not_set_again_is_told_in_chinese(rover: Desk) -> None:
     rover.link.repeat("velocity", linear=0.1, angular=0.0, hold=0.05)
     expect(page.get_by_text("停止重复发送 velocity：没有及时续发")).not_to_have_count(0)  # noqa: RUF001
     page.keyboard.press("l")
-    expect(page.get_by_text("velocity is not repeated any more: not set again in time")).not_to_have_count(0)
+    expect(page.get_by_text("velocity is no longer repeated: not set again in time")).not_to_have_count(0)

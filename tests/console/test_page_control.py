@@ -23,7 +23,7 @@ from wirebond.server.control import ControlBook
 pytestmark = pytest.mark.live
 LATE = words.OLDEST_COMMAND + 2 * words.TICK_EVERY  # seconds
 TOO_LATE = re.compile(
-    "“Take control” had no effect: .* Look at the robot, then press it again|lost before it answered “Take control”"
+    "“Take control” had no effect: .* Check the robot, then press it again|lost before it answered “Take control”"
 )
 
 
@@ -189,7 +189,7 @@ def test_a_page_that_loses_its_connection_says_that_its_control_has_ended(rover:
             client.end()
 
     owner.loop.call_soon_threadsafe(cut)
-    expect(said(page).filter(has_text="this page is not in control any more")).to_be_visible()
+    expect(said(page).filter(has_text="this page is no longer in control")).to_be_visible()
     expect(page.locator("header")).to_contain_text("No program is in control")
 
 
@@ -212,7 +212,7 @@ def test_the_stop_of_another_program_is_released_by_a_second_press_that_names_it
     page = rover.page("control", locale=locale)
     expect(page.locator("header button.stop")).to_be_enabled()
     texts = {
-        "en-US": ("Release the stop", "Yes, release the stop by", "Look at the robot", "Cancel"),
+        "en-US": ("Release the stop", "Yes, release the stop by", "Check the robot", "Cancel"),
         "zh-CN": ("解除急停", "确认解除", "请先查看机器人", "取消"),
     }
     first, second, look, cancel = texts[locale]

@@ -78,7 +78,7 @@ def test_what_can_be_seen_in_an_undocumented_format_becomes_a_first_file(browser
         page = open_page(browser, console, "messages", problems)
         expect(page.locator("td.mono").nth(50)).to_be_visible()
         page.get_by_role("button", name="Try the known formats").click()
-        seen = page.get_by_role("region", name="What can be seen")
+        seen = page.get_by_role("region", name="Derived from the bytes")
         expect(seen).to_contain_text("magic: 0x5A 0xC3")
         expect(seen).to_contain_text("check: {type: crc-16/modbus, over: magic..payload")
         assert serious(page) == []

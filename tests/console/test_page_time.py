@@ -193,7 +193,7 @@ def test_every_view_shows_the_moment_or_says_that_it_is_live(rover: Desk, record
     expect(main).to_contain_text("The editor has the file of the live link")
     for key in "45":
         page.keyboard.press(key)
-        expect(main).to_contain_text("What is sent here goes to the robot, now")
+        expect(main).to_contain_text("Commands that you send go to the robot now")
     page.get_by_role("button", name="Back to live").click()
     page.keyboard.press("1")
     expect(main).to_contain_text("Connect to another port")

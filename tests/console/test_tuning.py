@@ -135,7 +135,7 @@ def test_a_balance_bot_that_falls_is_tuned_until_it_stands(tmp_path: Path, brows
         bot.has("p", 2)
         wait_until(lambda: swing(bot.link, 0.2) > 0.5, "it falls")
         bot.button("Measure now").click()
-        assert bot.figure("greatest") - bot.figure("least") > 0.4
+        assert bot.figure("maximum") - bot.figure("minimum") > 0.4
 
         bot.set(p=10, i=0.1, d=0.3)
         bot.has("p", 10)
@@ -151,7 +151,7 @@ def test_a_balance_bot_that_falls_is_tuned_until_it_stands(tmp_path: Path, brows
         wait_until(lambda: swing(bot.link, 2.5) < 0.01, "it stands")
         bot.button("Measure now").click()
         _, pitch = samples(bot.link, "attitude", "pitch")
-        assert abs(bot.figure("greatest")) < 0.01
+        assert abs(bot.figure("maximum")) < 0.01
         assert bot.figure("Final value") == pytest.approx(pitch[-50:].mean(), abs=2e-3)
         assert bot.figure("Spread (rms)") < 0.005
 
