@@ -64,8 +64,8 @@ wheels: build/setup.stamp build/requirements-dev.stamp build/page.stamp build/wa
 .PHONY: docs
 docs: build/docs.stamp build/page-packages.stamp ## the documentation as a site, in build/site: open index.html there
 	@build/docs/bin/python setup/docs_site.py
-	@NO_MKDOCS_2_WARNING=1 build/docs/bin/mkdocs build --quiet --strict
-	@echo "build/site/index.html"
+	@NO_MKDOCS_2_WARNING=1 build/docs/bin/mkdocs build --quiet --strict --site-dir "$(or $(SITE),build/site)"
+	@echo "$(or $(SITE),build/site)/index.html"
 
 .PHONY: release-check
 release-check: wheels docs ## what a release consists of, in build/release, checked: half an hour (ARGS="--without wheels" after another run)

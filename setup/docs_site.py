@@ -31,6 +31,8 @@ SHIM_ON_SITE = "assets/javascripts/iframe-worker.js"
 LEFT_OUT = ("peers/",)  # of docs/: tables that figures.md names
 _LINK = re.compile(r"(?P<bang>!?)\[(?P<text>(?:[^\[\]]|\[[^\]]*\])*)\]\((?P<to>[^)\s]+)\)")
 _OTHER_LANGUAGE = re.compile(r" ?\[(?:English|中文)\]\(README(?:\.zh)?\.md\)")
+# What a block is to the tests stands after its language, where the generator would not read it: ```yaml mapping.
+_KIND = re.compile(r"^(```\w+) .*$", flags=re.MULTILINE)
 _CODE = re.compile(r"(^```.*?^```$)", flags=re.MULTILINE | re.DOTALL)
 
 
@@ -57,7 +59,7 @@ def with_site_links(text: str, source: str, known: set[str]) -> str:
         return f"{found['bang']}[{found['text']}]({target.replace('.zh.md', '.md')}{fragment})"
 
     parts = _CODE.split(_OTHER_LANGUAGE.sub("", text))
-    return "".join(part if part.startswith("```") else _LINK.sub(site_link, part) for part in parts)
+    return "".join(_KIND.sub(r"\1", part) if part.startswith("```") else _LINK.sub(site_link, part) for part in parts)
 
 
 def python_reference() -> str:

@@ -72,7 +72,7 @@ class Part:
 
 
 def python_parts(name: str = "wirebond", seen: set[str] | None = None) -> Iterator[Part]:
-    """Yield the packages that `pip install wirebond` installs, as they are installed here."""
+    """Yield the packages that pip installs with Wirebond, as they are installed here."""
     seen = set() if seen is None else seen
     for text in distribution(name).requires or []:
         required = Requirement(text)

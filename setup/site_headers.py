@@ -127,7 +127,11 @@ def _entries(scope: Node) -> Iterator[Entry]:
         if node.type == "access_specifier":
             is_public = text.startswith("public")
         elif node.type == "comment":
-            comments = [*comments, text[3:].strip()] if text.startswith("///") and not text.startswith("///<") else []
+            comments = (
+                [*comments, text[3:].removeprefix(" ").rstrip()]
+                if text.startswith("///") and not text.startswith("///<")
+                else []
+            )
         elif node.type in _SCOPES and "detail" not in text.partition("{")[0]:
             yield from _entries(node)
             comments = []
@@ -187,11 +191,17 @@ def _behind(node: Node) -> str:
     return _markdown([after.text.decode().removeprefix("///<").removeprefix("///")])
 
 
+def _is_code(line: str) -> bool:
+    return line.startswith("    ")
+
+
 def _markdown(comments: list[str]) -> str:
-    """Return the comment as Markdown, which wants an empty line before a list."""
+    """Return the comment as Markdown, which wants an empty line before a list, and before and after code."""
     lines: list[str] = []
     for line in comments:
-        if line.startswith("- ") and lines and lines[-1] and not any(one.startswith("- ") for one in lines[-3:]):
+        last = lines[-1] if lines else ""
+        begins_list = line.startswith("- ") and not any(one.startswith("- ") for one in lines[-3:])
+        if last and (begins_list or _is_code(line) != _is_code(last)):
             lines.append("")
-        lines.append(line.strip())
-    return "\n".join(lines).strip()
+        lines.append(line if _is_code(line) else line.strip())
+    return "\n".join(lines).strip("\n")

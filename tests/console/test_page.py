@@ -147,7 +147,9 @@ def test_a_released_pad_repeats_zero_so_that_a_pause_does_not_end_in_safe_mode(r
 
 def test_what_cannot_reach_the_robot_is_not_offered_and_what_is_not_read_back_is_not_shown(rover: Desk) -> None:
     page = rover.page("tuning")
-    expect(page.locator("main")).to_contain_text("No message of this protocol reads back the values that parameter sets")
+    expect(page.locator("main")).to_contain_text(
+        "No message of this protocol reads back the values that parameter sets"
+    )
     expect(page.locator("td.in-force").first).to_have_text("not read back")
     page.get_by_role("spinbutton", name="max_linear", exact=True).fill("1")
     page.get_by_role("button", name="Send changes").click()
