@@ -65,8 +65,16 @@ def downloaded(page: Page, label: str, message: str, to: Path) -> list[dict[str,
         return list(csv.DictReader(file))
 
 
+def closed_recording(page: Page) -> Locator:
+    """Wait until the newest recording is closed: then its name stands alone, without a state."""
+    name = page.locator("tbody tr td").first
+    expect(name).to_have_text(re.compile(r"\.mcap$"))
+    return name
+
+
 def kept_recording(page: Page, to: Path) -> Recording:
-    """Download the only recording."""
+    """Download the only recording, once it is closed: before, a download has what was written until then."""
+    closed_recording(page)
     with page.expect_download() as found:
         page.get_by_role("button", name="MCAP").click()
     found.value.save_as(to)
@@ -131,8 +139,7 @@ def test_every_value_is_the_one_that_monitor_prints(seat: tuple[Seat, PtyPort], 
     wait_until(lambda: re.sub(r"\D", "", frames.inner_text()) == str(len(sent)), "all frames")
     page.locator("nav").get_by_text("Recordings", exact=True).click()
     page.get_by_role("button", name="Stop recording").click()
-    name = page.locator("tbody tr td").first
-    expect(name).to_have_text(re.compile(r"\.mcap$"))  # no state: it is closed
+    name = closed_recording(page)
     label = f"CSV: {name.inner_text()}"
     compared = 0
     for message, values in expected.items():
@@ -172,7 +179,7 @@ def test_a_browser_that_deletes_recordings_is_named(rover: Rover) -> None:
     record, stop = (page.get_by_role("button", name=name, exact=True) for name in ("Record", "Stop recording"))
     record.click()
     stop.click()
-    expect(page.locator("tbody tr")).to_have_count(1)
+    closed_recording(page)
     page.evaluate("""async () => {
       const root = await navigator.storage.getDirectory();
       await root.removeEntry("wirebond recordings", { recursive: true });
@@ -181,6 +188,7 @@ def test_a_browser_that_deletes_recordings_is_named(rover: Rover) -> None:
     expect(page.get_by_text("the browser has deleted the recordings of this page")).to_be_visible()
     record.click()
     stop.click()
+    closed_recording(page)
     expect(page.locator("tbody tr")).to_have_count(1)
 
 
@@ -191,8 +199,7 @@ def test_ten_minutes_are_recorded_and_opened_again(rover: Rover, tmp_path: Path)
     expect(page.get_by_role("button", name="Stop recording")).to_be_visible()
     let_pass(600)
     page.get_by_role("button", name="Stop recording").click()
-    name = page.locator("tbody tr td").first
-    expect(name).to_have_text(re.compile(r"\.mcap$"))
+    name = closed_recording(page)
     recording = kept_recording(page, tmp_path / "run.mcap")
     expected = [message for message in recording.messages("mcu") if message.name == "odometry"]
     assert expected[-1].t - expected[0].t > 590
