@@ -58,16 +58,20 @@ def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., Done]:
     return call
 
 
-@pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("services")
-    generate_cpp(wirebond.load(AXIS).model, folder)
+def built(protocol: Path | str, folder: Path) -> Path:
+    """The axis' firmware of a protocol file."""
+    generate_cpp(wirebond.load(protocol).model, folder)
     axis = ROOT / "firmware" / "axis"
     folders = [folder, ROOT / "firmware", axis, ROOT / "ports" / "posix" / "include"]
     command = [CXX, *FLAGS, *(f"-I{one}" for one in folders), str(axis / "host" / "main.cpp"), "-o"]
     done = subprocess.run([*command, str(folder / "axis")], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return folder / "axis"
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return built(AXIS, tmp_path_factory.mktemp("services"))
 
 
 @pytest.fixture
@@ -328,9 +332,26 @@ def test_log_lines_of_a_firmware(firmware: FirmwareProcess, run: Callable[..., D
 # ---- counters
 
 
+@pytest.fixture
+def unhurried(tmp_path: Path) -> Path:
+    """The axis, but a command is too old only after 100 s: same hash."""
+    path = tmp_path / "unhurried.yaml"
+    path.write_text(Path(AXIS).read_text().replace("after: 200 ms", "after: 100 s"))
+    assert wirebond.load(path).hash == codec("linear_axis").hash
+    return path
+
+
+@pytest.fixture
+def unhurried_firmware(unhurried: Path, tmp_path: Path) -> Iterator[FirmwareProcess]:
+    """The axis' firmware, which rejects messages for what they say, and none because the machine was slow."""
+    with FirmwareProcess(built(unhurried, tmp_path), "the axis") as process:
+        yield process
+
+
 def test_what_a_firmware_refused_is_counted_alike_at_both_ends(
-    firmware: FirmwareProcess, tmp_path: Path, run: Callable[..., Done]
+    unhurried: Path, unhurried_firmware: FirmwareProcess, tmp_path: Path, run: Callable[..., Done]
 ) -> None:
+    firmware = unhurried_firmware
     axis = codec("linear_axis")
     frame = axis.encode("move", speed=0.5)
     damaged = frame[:3] + bytes([frame[3] ^ 4]) + frame[4:]
@@ -343,7 +364,7 @@ def test_what_a_firmware_refused_is_counted_alike_at_both_ends(
     host = axis.decoder("host")  # the same bytes, judged at this end
     host.feed(sent)
     wider = tmp_path / "wider.yaml"
-    wider.write_text(Path(AXIS).read_text().replace("range: [-1.0, 1.0]", "range: [-3.0, 3.0]"))  # the same hash
+    wider.write_text(unhurried.read_text().replace("range: [-1.0, 1.0]", "range: [-3.0, 3.0]"))  # the same hash
     with wirebond.open(wider, firmware.port) as link:
         wait_until(lambda: link.peer.state == "same", "hello")
         for _ in range(7):
