@@ -67,7 +67,7 @@ constexpr std::int64_t from_sign_magnitude(std::uint64_t raw, unsigned width) {
   return ((raw >> (width - 1)) & 1) != 0 ? -amount : amount;
 }
 
-/// Return 10 to the power of the decimal digits, of four bits each, that `width` bits have room for.
+/// Return 10 to the power of the number of decimal digits, of four bits each, in `width` bits.
 constexpr std::uint64_t bcd_end(unsigned width) {
   std::uint64_t end = 1;
   for (; width >= 4; width -= 4) end *= 10;
@@ -93,8 +93,7 @@ constexpr std::uint64_t to_bcd(std::uint64_t number) {
   return raw;
 }
 
-/// What the bits of a whole number mean: its value, of a signed one in two's complement; its sign, and then its
-/// magnitude; or its decimal digits.
+/// Coding of a whole number: its value, two's complement if signed; sign and magnitude; or decimal digits.
 enum class Coding : std::uint8_t { binary, sign_magnitude, bcd };
 
 /// Return the number in the lowest `Width` bits of `raw`; higher bits are ignored.
@@ -190,7 +189,7 @@ constexpr bool insert_bits(Bits& bits, T value) {
   return true;
 }
 
-/// The pieces, two or more, of a number whose bits lie in several places: place and width of each, its lowest first.
+/// Pieces, two or more, of a number whose bits are in several places: place and width of each, the lowest first.
 template <unsigned... PlacesAndWidths>
 struct Pieces {
   static constexpr std::size_t size = sizeof...(PlacesAndWidths);
@@ -223,7 +222,7 @@ struct Pieces {
   }
 };
 
-/// Return the number whose pieces lie at these places of `bits`: place and width of each, its lowest piece first.
+/// Return the number whose pieces are at these places of `bits`: place and width of each, the lowest piece first.
 template <class T, Coding Encoding, unsigned... PlacesAndWidths, class Bits>
 constexpr T extract_split(Bits bits) {
   using Places = Pieces<PlacesAndWidths...>;

@@ -18,7 +18,7 @@ enum class CheckKind : std::uint8_t {
   fletcher,  ///< two sums of width/2 bits, the second of the first's values; the first is the low half
 };
 
-/// What becomes of bytes behind the last whole word, where the unit of a check is a word.
+/// Treatment of bytes after the last whole word, if the unit of a check is a word.
 enum class OddTail : std::uint8_t {
   pad,           ///< zero bytes complete the word
   exclusive_or,  ///< each byte is combined with the register as a number of its own
@@ -110,7 +110,7 @@ struct CrcTable {
 
 }  // namespace detail
 
-/// Register before the first byte.
+/// Return the register before the first byte.
 WIREBOND_INLINE constexpr std::uint64_t check_begin(const CheckAlgorithm& a) {
   if (a.kind == CheckKind::crc && a.reflect_in) return detail::reflect(a.init, a.width_bits);
   return a.init & detail::mask_of(a.width_bits);
@@ -128,10 +128,10 @@ WIREBOND_INLINE constexpr std::uint64_t check_finish(const CheckAlgorithm& a, st
   return (((reg + a.plus) & a.keep) ^ a.xor_out) & mask_of(a.width_bits);
 }
 
-/// Check whether what is sent is not the value itself.
+/// Check whether the sent value differs from the computed one in form: digits, or a replacement.
 WIREBOND_INLINE constexpr bool is_sent_otherwise(const CheckAlgorithm& a) { return a.bcd || a.avoided_count != 0; }
 
-/// Return what is sent for a value: its decimal digits, or another value.
+/// Return the sent form of a value: its decimal digits, or a replacement.
 WIREBOND_INLINE constexpr std::uint64_t sent_for(const CheckAlgorithm& a, std::uint64_t value) {
   if (a.bcd) value = to_bcd(value) & mask_of(a.width_bits);
   for (std::size_t i = 0; i < a.avoided_count; ++i) {
@@ -197,8 +197,8 @@ WIREBOND_INLINE constexpr std::uint32_t number_of(const CheckAlgorithm& a, std::
   return number;
 }
 
-/// Bytes of a word in the order in which a CRC takes them: as the word's bits enter, its highest first, or its lowest
-/// if they are reflected.
+/// Return the bytes of a word in the order in which a CRC takes them: as the word's bits enter, its highest first, or
+/// its lowest if they are reflected.
 struct OrderedBytes {
   std::uint8_t at[4];
 };
@@ -226,7 +226,7 @@ WIREBOND_INLINE constexpr std::uint64_t crc_bits(const CheckAlgorithm& a, std::u
   return reg & mask_of(a.width_bits);
 }
 
-/// Take what waits for a whole word, as `odd_tail` says.
+/// Process the bytes of an incomplete word, as `odd_tail` defines.
 WIREBOND_INLINE constexpr std::uint64_t end_words(const CheckAlgorithm& a, std::uint64_t reg) {
   const unsigned waiting = waiting_bytes(reg);
   std::uint32_t word = static_cast<std::uint32_t>(reg >> 32) & 0xFFFFFFu;
@@ -253,7 +253,7 @@ WIREBOND_INLINE constexpr std::uint64_t check_end(const CheckAlgorithm& a, std::
   return detail::is_sent_otherwise(a) ? detail::sent_for(a, reg) : reg;
 }
 
-/// Check whether the register stands behind an incomplete word that `odd_tail` refuses.
+/// Check whether the register has an incomplete word that `odd_tail` refuses.
 WIREBOND_INLINE constexpr bool is_refused(const CheckAlgorithm& a, std::uint64_t reg) {
   return a.unit > 1 && a.odd_tail == OddTail::refuse && detail::waiting_bytes(reg) != 0;
 }

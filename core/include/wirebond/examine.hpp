@@ -1,5 +1,5 @@
-// One candidate, one verdict: is this a frame, is it none, or must more bytes come? No state, no position in a stream.
-// One file: the rules stand in the order in which they can first be decided.
+// Decides for one candidate: it is a frame, it is not one, or more bytes are needed. No state, no position in a stream.
+// One file: the rules are in the order in which they can first be decided.
 #pragma once
 
 #include <cstddef>
@@ -53,9 +53,9 @@ struct Verdict {
   std::size_t bytes = 0;
 };
 
-/// Shall an MCU's link count frames of messages that the file does not list (unlisted.hpp)? Where checks count a seed
-/// of each message, a peer's other messages are all refused by their id, however strong the check is. Where the check
-/// is merely weak, the flash is not spent.
+/// Check whether an MCU's link counts frames of messages that the file does not list (unlisted.hpp). It does where
+/// checks include a seed of each message: then all other messages of a peer are refused by their id, however strong the
+/// check is. A weak check alone is not worth the flash.
 template <class Format>
 constexpr bool counts_unlisted(const Format& format) {
   const Form& form = format.forms[0];
@@ -68,7 +68,7 @@ constexpr bool counts_unlisted(const Format& format) {
 
 namespace detail {
 
-/// `bytes` bytes as hex digits of either case. False where one is no digit.
+/// Read `bytes` bytes written as hex digits of either case. Returns false if one is not a digit.
 inline bool read_hex(const std::uint8_t* digits, unsigned bytes, std::uint64_t& value) {
   value = 0;
   for (unsigned i = 0; i < 2 * bytes; ++i) {
@@ -79,7 +79,7 @@ inline bool read_hex(const std::uint8_t* digits, unsigned bytes, std::uint64_t& 
   return true;
 }
 
-/// A candidate as it was received, without delimiters: what it is after unstuffing, where nothing is stuffed.
+/// A candidate as it was received, without delimiters. If nothing is stuffed, unstuffing does not change it.
 struct Received {
   const std::uint8_t* bytes;
   std::size_t size;
@@ -142,7 +142,8 @@ WIREBOND_INLINE bool check_holds(const Source& source, const Form& form, std::si
   return expected == found;
 }
 
-/// Is the size told of a candidate that fails by its id alone? Firmware that does not count them computes none.
+/// Check whether a candidate that fails only by its id has its size computed. Firmware that does not count such
+/// candidates has no code for it.
 template <class Source>
 constexpr bool tells_unlisted_size() {
   if constexpr (folds<Source>(0)) {
@@ -152,7 +153,7 @@ constexpr bool tells_unlisted_size() {
   }
 }
 
-/// What the bytes before the payload tell.
+/// Results of reading the bytes before the payload.
 template <class Source>
 struct Head {
   MessageShape shape{};
@@ -162,14 +163,14 @@ struct Head {
   CheckRegisters<Source> registers;  ///< of the checks that were run; others are never read
 };
 
-/// Whether a payload of this size may be the message's.
+/// Check whether the message can have a payload of this size.
 WIREBOND_INLINE bool fits(const Form& form, const MessageShape& shape, std::size_t payload) {
   const bool size_is_free = form.payload_size == PayloadSize::by_length || form.payload_size == PayloadSize::rest;
   const bool long_enough = form.trims_zeros || payload >= shape.min_payload;
   return shape.known() && (!size_is_free || (long_enough && payload <= shape.max_payload));
 }
 
-/// Has a payload more bytes than its message's counts allow, where that matters?
+/// Check whether a payload has more bytes than its message's counts allow. False where the format has no such rule.
 template <class Source>
 WIREBOND_INLINE bool is_overlong(const Source& source, const MessageShape& shape, const std::uint8_t* payload,
                                  std::size_t size) {
@@ -182,14 +183,14 @@ WIREBOND_INLINE bool is_overlong(const Source& source, const MessageShape& shape
   }
 }
 
-/// Whether the message is known before its payload. Where the payload's size is the message's own and there is no id,
-/// it is the only message without one, or the one that is expected.
+/// Check whether the message is known before its payload. If there is no id and each message has its own payload size,
+/// it is: there is only one message without an id, or it is the expected reply.
 WIREBOND_INLINE bool id_comes_early(const Form& form) {
   if (!form.id.present()) return form.payload_size == PayloadSize::by_id;
   return !form.id.at.from_end && form.id.at.offset + form.id.bytes <= static_cast<std::int32_t>(form.prefix);
 }
 
-/// Is a message told by something that is not there yet when the head is examined?
+/// Check whether a message is identified by bytes that may be missing when the head is examined.
 template <class Source>
 WIREBOND_INLINE bool does_match_late(const Source& source) {
   if constexpr (HasMatch<Source>::value) {
@@ -200,13 +201,13 @@ WIREBOND_INLINE bool does_match_late(const Source& source) {
   }
 }
 
-/// The payload's size before its zeros were trimmed, as far as its message tells it.
+/// Return the payload's size before its trailing zeros were trimmed, as far as the message defines it.
 WIREBOND_INLINE std::size_t restored(const Form& form, const MessageShape& shape, std::size_t payload) {
   return form.trims_zeros && payload < shape.min_payload ? shape.min_payload : payload;
 }
 
-/// What the id of a frame of this form means; where it has none, what a frame without one does. Or what else tells its
-/// message, in `payload` bytes that lie in a frame of `size` bytes; 0: only its head is known.
+/// Return the message of a frame of this form, by its id, or by the tests of match.hpp. A form without an id has the
+/// message of frames without one. `payload`: payload bytes in the frame of `size` bytes; 0: only its head is known.
 template <class Source>
 WIREBOND_INLINE MessageShape shape_of(const Source& source, const Form& form, std::uint32_t id,
                                       [[maybe_unused]] const std::uint8_t* frame, [[maybe_unused]] std::size_t size,
@@ -220,7 +221,7 @@ WIREBOND_INLINE MessageShape shape_of(const Source& source, const Form& form, st
   return source.message(id);
 }
 
-/// The rules that the prefix decides, each as soon as its bytes are there. Outcome::frame: they hold.
+/// Apply the rules that the prefix decides, each as soon as its bytes are there. Outcome::frame: they hold.
 /// `whole`: the candidate's size is known to be `available` (it lay between delimiters).
 template <class Source>
 WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, const std::uint8_t* candidate,
@@ -242,7 +243,8 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
     return !mismatch;
   });
   if (mismatch) return {Outcome::reject, Cause::constant_mismatch, 1};
-  // What tells the form from others and is no constant, also where a constant behind it must be waited for.
+  // Values other than constants that distinguish the form from others. They are tested even if a later constant has not
+  // come yet.
   constexpr std::size_t exclusions = part_counts<Source>.exclusions;
   if constexpr (exclusions != 0) {
     const auto allows = [&](std::size_t i) WIREBOND_INLINE_LAMBDA {
@@ -263,7 +265,7 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
   if (need != 0) return {Outcome::need_more, Cause::incomplete, need};
   if (available < form.prefix) return {Outcome::need_more, Cause::incomplete, form.prefix};
 
-  // The id where it comes early, and the payload's size.
+  // The id, if it comes early, and the payload's size.
   const bool has_early_id = id_comes_early(form);
   const bool is_late = does_match_late(source);
   const bool early = has_early_id && !is_late;  // the message is known by the head
@@ -271,7 +273,7 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
   // Without an id: one message, known before its seed is counted.
   const bool is_told = early || (!form.id.present() && !is_late);
   const bool tells_size =
-      form.payload_size == PayloadSize::by_id;  // else a size out of range costs no look at messages
+      form.payload_size == PayloadSize::by_id;  // otherwise a size out of range is refused without finding the message
   if constexpr (may_have<Source>(PayloadSize::by_id)) {
     if (is_told && tells_size) head.shape = shape_of(source, form, head.id, candidate, 0, 0);
   }
@@ -305,7 +307,7 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
       if (!head.shape.known()) return {Outcome::reject, Cause::unknown_message, form.prefix};
       payload = head.shape.max_payload;
       if constexpr (HasPayloadRules<Source>::value) {
-        if (head.shape.min_payload != head.shape.max_payload) {  // its counts tell
+        if (head.shape.min_payload != head.shape.max_payload) {  // its counts decide
           const ToldSize told =
               told_size<CountsBytes<Source>::value>(source.payload_rules(head.shape.index), candidate + form.prefix,
                                                     available - form.prefix, head.shape.min_payload);
@@ -340,7 +342,7 @@ WIREBOND_INLINE Verdict examine_head(const Source& source, const Form& form, con
     return {Outcome::reject, Cause::unknown_message, form.prefix};
   }
 
-  // Checks of the header, before its length makes anybody wait.
+  // Checks of the header, before more bytes are awaited because of its length.
   constexpr std::size_t header_checks = part_counts<Source>.header_checks;
   if constexpr (header_checks != 0) {
     const bool header_holds =
@@ -370,7 +372,7 @@ WIREBOND_INLINE void fill(Frame& frame, const Form& form, std::size_t index, con
   frame.message = long_enough ? shape.index : std::int16_t{-1};
 }
 
-/// The rules that need the whole frame, after examine_head.
+/// Apply the rules that need the whole frame, after examine_head.
 template <class Source>
 WIREBOND_INLINE Verdict examine_rest(const Source& source, const Form& form, std::size_t index,
                                      const std::uint8_t* candidate, std::size_t available, const Received* block,
@@ -430,10 +432,10 @@ WIREBOND_INLINE Verdict examine_rest(const Source& source, const Form& form, std
   return {Outcome::frame, Cause::no_start, size};
 }
 
-/// The rules of one form over `available` bytes at `candidate`, in the order in which they can first be decided.
-/// `block`: what the candidate was before unstuffing; null: it is one of a stream, and nothing is stuffed. Where the
-/// cause is unknown_message, `frame` has the id, and the size if the head told it. Where a frame may be one that its
-/// length ends, need_more leaves its size in `frame`; 0: that is not known yet.
+/// Apply the rules of one form to `available` bytes at `candidate`, in the order in which they can first be decided.
+/// `block`: the candidate before unstuffing; null: it is part of a stream, and nothing is stuffed. If the cause is
+/// unknown_message, `frame` has the id, and the size if the head gives it. If a length may end the frame, need_more
+/// leaves the frame's size in `frame`; 0: not known yet.
 template <class Source>
 WIREBOND_INLINE Verdict examine_form(const Source& source, std::size_t index, const std::uint8_t* candidate,
                                      std::size_t available, const Received* block, Frame& frame) {
@@ -468,9 +470,8 @@ WIREBOND_INLINE Verdict examine_form(const Source& source, std::size_t index, co
   return whole;
 }
 
-/// The first form that holds. A rejection is reported for the form that got furthest: of two that blame as
-/// many bytes, the one whose cause is decided later. One whose bits "there or not" differ, or whose sizes do, is not
-/// meant at all.
+/// Find the first form that holds. If none does, report the form that got furthest: of two with equally many bytes, the
+/// one whose cause is decided later. A form whose presence bits or sizes differ was not meant, so it does not count.
 template <class Source>
 WIREBOND_INLINE Verdict examine_forms(const Source& source, const std::uint8_t* candidate, std::size_t available,
                                       const Received* block, Frame& frame) {
@@ -494,8 +495,8 @@ WIREBOND_INLINE Verdict examine_forms(const Source& source, const std::uint8_t* 
   return best;
 }
 
-/// Compiled once for a format read at run time, and called: there, it is what the fast path leaves over, and inlined
-/// at each place that examines it would be most of a program.
+/// For a format read at run time: one function that is called. It handles what the fast path leaves; inlined at each
+/// call it would be most of a program.
 template <class Source>
 WIREBOND_NOINLINE Verdict examine_by_call(const Source& source, const std::uint8_t* candidate, std::size_t available,
                                           const Received* block, Frame& frame) {
@@ -505,7 +506,7 @@ WIREBOND_NOINLINE Verdict examine_by_call(const Source& source, const std::uint8
 }  // namespace detail
 
 /// Examine the bytes at `candidate`. Pure: the verdict depends on these bytes alone, so chunking cannot change it.
-/// `block`: the candidate's size is known to be `available`, and this is what it was before unstuffing; else null.
+/// `block`: the candidate before unstuffing, if its size is known to be `available`; otherwise null.
 /// Any thread or interrupt. Work is bounded by one pass over max_frame_bytes per form.
 template <class Source>
 WIREBOND_INLINE Verdict examine(const Source& source, const std::uint8_t* candidate, std::size_t available,

@@ -46,7 +46,7 @@ inline constexpr bool has_header = !std::is_same_v<HeaderOf<Source>, NoHeader>;
 
 namespace detail {
 
-/// How many header fields the protocol has; a generated source counts those of the other end's frames, too, because its
+/// Number of header fields of the protocol; a generated source counts those of the other end's frames, too, because its
 /// Header includes them.
 template <class Source, class = void>
 inline constexpr std::size_t named_header_fields = 0;
@@ -121,12 +121,12 @@ WIREBOND_INLINE HeaderValues values_of(const SettledNumbers<Source>& numbers) {
   return values;
 }
 
-/// Whether the argument after the message is the source's Header; no argument, or wire numbers, are not.
+/// Whether the argument after the message is the source's Header. False for wire numbers and for no argument.
 template <class Source, class... Given>
 inline constexpr bool is_header = false;
 template <class Source, class Given>
 inline constexpr bool is_header<Source, Given> = has_header<Source>&& std::is_same_v<Given, HeaderOf<Source>>;
-/// Whether it is these numbers already, by index.
+/// Whether the argument is already these numbers, by index.
 template <class Source, class... Given>
 inline constexpr bool is_numbers = false;
 template <class Source, class Given>

@@ -1,5 +1,5 @@
-// Which message a frame is, where its id alone does not say: tests over the id, header fields, numbers of the payload
-// and its size. A format whose ids say it all has none of this in its program.
+// Identifies the message of a frame whose id alone is not enough: tests of the id, header fields, numbers of the
+// payload and its size. A format with one message per id has none of this in its program.
 #pragma once
 
 #include <cstddef>
@@ -14,21 +14,21 @@
 
 namespace wirebond {
 
-/// What a test looks at.
+/// Subject of a test.
 enum class MatchOf : std::uint8_t {
-  id,       ///< of a frame without one it is FrameFormat::no_id
+  id,       ///< FrameFormat::no_id for a frame without one
   header,   ///< a header field
   payload,  ///< a number of the payload
   size,     ///< payload bytes
 };
 
-/// The bits of `mask` lie in [low, high]. All tests of a message hold for its frames; of several with `or_next`, and
-/// the one behind them, one does.
+/// Tests whether the bits of `mask` are in [low, high]. All tests of a message must hold for its frames, but of tests
+/// joined by `or_next` one is enough.
 struct MatchTest {
   MatchOf of = MatchOf::id;
   std::uint8_t place = 0;  ///< of a header field, in the list of all of them
   bool or_next = false;
-  bool is_one = false;     ///< the whole number has one value: a sender writes it, whatever it was given
+  bool is_one = false;     ///< only one value is possible: a sender writes it and ignores the given one
   std::uint8_t bytes = 0;  ///< of a number of the payload: (number >> shift) & mask
   ByteOrder order = ByteOrder::little;
   std::uint8_t shift = 0;
@@ -40,7 +40,7 @@ struct MatchTest {
   constexpr bool allows(std::uint64_t number) const { return low <= (number & mask) && (number & mask) <= high; }
 };
 
-/// All tests of one message. Points at tables that the caller keeps.
+/// Tests of one message. Points at tables that the caller keeps.
 struct MatchTests {
   const MatchTest* tests = nullptr;
   std::uint8_t count = 0;
@@ -48,19 +48,19 @@ struct MatchTests {
 
 namespace detail {
 
-/// Does the source tell messages by more than their ids? Then it has
+/// Check whether the source identifies messages by more than their ids. Then it has
 ///
-///   bool matches() const;       // any message at all
-///   bool matches_late() const;  // one by something that does not stand before the payload, and is not its size
+///   bool matches() const;       // any message has tests
+///   bool matches_late() const;  // a test needs the payload, not only its size and the bytes before it
 ///   template <class Asked> MessageShape match(const Asked& asked) const;
 ///
-/// instead of being asked for `message(id)`. `Asked` has a function for each MatchOf, as below.
+/// which is called instead of `message(id)`. `Asked` has a function for each MatchOf, as below.
 template <class Source, class = void>
 struct HasMatch : std::false_type {};
 template <class Source>
 struct HasMatch<Source, std::void_t<decltype(std::declval<const Source&>().matches_late())>> : std::true_type {};
 
-/// What a payload's number is, at its place. False: it lies beyond the payload. `trims_zeros`: it was zero there.
+/// Read a number of the payload. Returns false if it is beyond the end; with `trims_zeros` it is zero there.
 WIREBOND_INLINE bool payload_number(const std::uint8_t* payload, std::size_t size, bool trims_zeros, std::size_t at,
                                     unsigned bytes, ByteOrder order, unsigned shift, std::uint64_t& number) {
   if (at + bytes <= size) {
@@ -74,13 +74,13 @@ WIREBOND_INLINE bool payload_number(const std::uint8_t* payload, std::size_t siz
   return true;
 }
 
-/// A candidate of one form, of which at least what the source's tests ask for is there. Its functions say whether a
-/// number's bits of `mask` lie in [low, high].
+/// A candidate of one form that has at least the bytes which the source's tests need. Its functions test whether a
+/// number's bits of `mask` are in [low, high].
 template <class Source>
 struct Asked {
   const Form& form;
   const std::uint8_t* frame;
-  std::size_t frame_size;  ///< 0 where only what stands before the payload is asked for
+  std::size_t frame_size;  ///< 0 if no test needs more than the bytes before the payload
   std::size_t payload_size;
   std::uint32_t id_number;
 
@@ -108,10 +108,10 @@ struct Asked {
   }
 };
 
-/// Do all tests of a message hold? `asked`: an Asked, or what a sender is about to send.
+/// Check whether all tests of a message hold. `asked`: an Asked, or the values that a sender is about to send.
 template <class Frame>
 bool all_hold(const MatchTests& tests, const Frame& asked) {
-  bool holds = false;  // one of those that `or_next` joins
+  bool holds = false;  // any of the tests joined by `or_next`
   for (std::size_t i = 0; i < tests.count; ++i) {
     const MatchTest& test = tests.tests[i];
     if (!holds) {
@@ -131,7 +131,7 @@ bool all_hold(const MatchTests& tests, const Frame& asked) {
   return true;
 }
 
-/// The message of a candidate.
+/// Return the message of a candidate.
 template <class Source>
 WIREBOND_INLINE MessageShape matched(const Source& source, const Form& form, const std::uint8_t* frame,
                                      std::size_t frame_size, std::size_t payload_size, std::uint32_t id) {

@@ -1,4 +1,4 @@
-// From a message's struct to a frame, and from a frame to a handler: what all generated messages share.
+// Encodes a message's struct into a frame, and passes a frame's message to a handler: common to all generated messages.
 // The generated namespace supplies payload_bytes, write_payload, decode and violations for each struct, and clamp where
 // a field asks for it; they are found by the struct's namespace.
 #pragma once
@@ -27,14 +27,14 @@ enum class End : std::uint8_t { host, mcu, both };
 
 namespace detail {
 
-/// How many tests the frames of a message are sent by (`Info::match`).
+/// Number of tests that the frames of a message must pass (`Info::match`).
 template <class Message, class = void>
 inline constexpr std::size_t match_count = 0;
 template <class Message>
 inline constexpr std::size_t match_count<Message, std::void_t<decltype(Message::Info::match)>> =
     sizeof(Message::Info::match) / sizeof(MatchTest);
 
-/// How many of them are about header fields, the id among them.
+/// Number of those that test header fields or the id.
 template <class Message>
 constexpr std::size_t count_header_tests() {
   std::size_t count = 0;
@@ -44,13 +44,14 @@ constexpr std::size_t count_header_tests() {
   return count;
 }
 
-/// Must header values be settled before this message is sent?
+/// Check whether header values must be settled before this message is sent.
 template <class Source, class Message, class... Given>
 inline constexpr bool must_settle = count_header_tests<Message>() != 0 &&
                                     (sizeof...(Given) == 0 || (!std::is_same_v<Given, SettledNumbers<Source>> && ...));
 
-/// Give the header the values that the message's frames have. Of a value that they do not have the default, and one
-/// that can be nothing else, become the first that they have. False: another value that they do not have.
+/// Give the header the values that the message's frames have. A default value that they cannot have is replaced by the
+/// first one that they can have, and so is any value if only one is possible. Returns false if a given value is none of
+/// the message.
 template <class Source, class Message>
 WIREBOND_INLINE bool settle_match(SettledNumbers<Source>& numbers) {
   bool is_allowed = false;
@@ -73,7 +74,7 @@ WIREBOND_INLINE bool settle_match(SettledNumbers<Source>& numbers) {
   });
 }
 
-/// The defaults, or the numbers that were given.
+/// Return the defaults, or the numbers that were given.
 template <class Source>
 WIREBOND_INLINE SettledNumbers<Source> numbers_to_settle() {
   return {default_numbers<Source>};
@@ -88,7 +89,7 @@ inline constexpr bool has_ids = false;
 template <class Message>
 inline constexpr bool has_ids<Message, std::void_t<decltype(Message::Info::id_place)>> = true;
 
-/// The id that is sent: the message's, or the one of the header where it has several.
+/// Return the id to send: the message's, or that of the header if the message has several.
 template <class Message, class... Numbers>
 WIREBOND_INLINE std::uint32_t id_of([[maybe_unused]] const Numbers&... numbers) {
   if constexpr (has_ids<Message> && sizeof...(Numbers) != 0) {
@@ -98,7 +99,7 @@ WIREBOND_INLINE std::uint32_t id_of([[maybe_unused]] const Numbers&... numbers) 
   }
 }
 
-/// Has the payload what the message's frames have?
+/// Check whether the payload passes the message's tests.
 template <class Message>
 WIREBOND_INLINE bool payload_matches([[maybe_unused]] const std::uint8_t* payload, [[maybe_unused]] std::size_t size) {
   constexpr std::size_t count = match_count<Message>;
@@ -124,10 +125,10 @@ WIREBOND_INLINE bool payload_matches([[maybe_unused]] const std::uint8_t* payloa
 }  // namespace detail
 
 /// Write `message` as a whole frame to out[0 .. size). Any thread or interrupt; no allocation.
-/// `capacity`: Message::Info::max_frame_bytes is always enough. On any other answer than `ok` size is 0 and what
-/// lies at `out` is no frame. `header`: nothing, for the defaults of the source's sender; or its Header. A value there
-/// that breaks its field's rule is `out_of_range`, and so are values that no form of the frame can carry.
-/// `Ending`: `Waiting` for a queue that gives the frame its number later; `size` is then what it takes there.
+/// `capacity`: Message::Info::max_frame_bytes is always enough. Unless the result is `ok`, size is 0 and `out` has
+/// no frame. `header`: nothing, for the defaults of the source's sender; or its Header. A header value that breaks its
+/// field's rule, or that no form of the frame can carry, is `out_of_range`. `Ending`: `Waiting` for a queue that gives
+/// the frame its number later; `size` is then the memory that it takes there.
 template <class Source, class Ending = Sealed, class Message, class... Given>
 WIREBOND_INLINE Status encode_frame(const Message& message, std::uint8_t* out, std::size_t capacity, std::size_t& size,
                                     const Given&... header) {
@@ -160,8 +161,9 @@ WIREBOND_INLINE Status encode_frame(const Message& message, std::uint8_t* out, s
   }
 }
 
-/// Wire bytes that `encode_frame` needs for a message of this payload: exact where nothing is stuffed, else the worst.
-/// 0: no form can carry it, and `encode_frame` refuses it. `numbers`: of the header, or nothing.
+/// Return the wire bytes that `encode_frame` needs for a message of this payload: exact if nothing is stuffed,
+/// otherwise the maximum; 0 if no form can carry it and `encode_frame` refuses it. `numbers`: of the header, or
+/// nothing.
 template <class Source, class Message, class... Numbers>
 WIREBOND_INLINE std::size_t frame_room(std::size_t payload, const Numbers&... numbers) {
   if constexpr (detail::must_settle<Source, Message, Numbers...>) {
@@ -186,9 +188,9 @@ struct HasClamp : std::false_type {};
 template <class Message>
 struct HasClamp<Message, std::void_t<decltype(clamp(std::declval<Message&>()))>> : std::true_type {};
 
-/// Room for a message on its way to a handler. `EveryMember`: decode writes every member, as it does where a message
-/// has one size only. Then the members' first values would be written for nothing, so they are not: the object begins
-/// its life as a plain aggregate does in bytes (P0593). A struct without members has nothing that decode could write.
+/// Memory for a message that is passed to a handler. `EveryMember`: decode writes every member, because the message has
+/// one size only. Then members are not initialised first, which would be wasted work: the object's lifetime begins as
+/// that of an aggregate in bytes (P0593). A struct without members has nothing that decode could write.
 template <class Message, bool EveryMember = !std::is_empty_v<Message> &&
                                             Message::Info::min_payload_bytes == Message::Info::max_payload_bytes>
 class Room {
@@ -216,7 +218,7 @@ WIREBOND_INLINE bool decode_frame(const Frame& frame, Message& message) {
   std::size_t size = frame.payload_size;
   [[maybe_unused]] std::array<std::uint8_t, least> whole;
   if constexpr (least > 0) {
-    if (size < least) {  // zeros that were trimmed from its end are put back
+    if (size < least) {  // restore the zeros that were trimmed from its end
       std::memcpy(whole.data(), payload, size);
       std::memset(whole.data() + size, 0, least - size);
       payload = whole.data();
@@ -226,7 +228,7 @@ WIREBOND_INLINE bool decode_frame(const Frame& frame, Message& message) {
   return decode(payload, size, message);
 }
 
-/// Are two values of a field equal? Without `==`, of which compilers warn for floats.
+/// Check whether two values of a field are equal. Without `==`, because compilers warn of it for floats.
 template <class Value>
 auto are_equal(const Value& a, const Value& b, int) -> decltype(a.view() == b.view()) {
   return a.view() == b.view();
@@ -236,7 +238,8 @@ bool are_equal(const Value& a, const Value& b, long) {
   return a <= b && b <= a;  // not a NaN
 }
 
-/// The same for a scaled integer that loses digits as a real: does less than `half_step` lie between the two?
+/// Check whether two values of a scaled integer are equal: they differ by less than `half_step`, because a real loses
+/// digits.
 template <class Real>
 bool are_near(Real a, Real b, Real half_step) {
   return a - b < half_step && b - a < half_step;
@@ -248,7 +251,7 @@ bool are_close(Real a, Real b, Real offset, Real steps) {
   return a - b <= limit && b - a <= limit;
 }
 
-/// Has the frame's message the values that `has(message)` asks for?
+/// Check whether `has(message)` holds for the frame's message.
 template <class Message, class Has>
 bool has_values(const Frame& frame, const Has& has) {
   Room<Message> room;
@@ -256,7 +259,7 @@ bool has_values(const Frame& frame, const Has& has) {
   return decode_frame(frame, message) && has(static_cast<const Message&>(message));
 }
 
-/// Is it a message of the file's emergency stop, with its values? The source of a generated header knows.
+/// Check whether it is the file's emergency stop, with its values. The source of a generated header knows.
 template <class Source>
 auto is_stop(const Frame& frame, int) -> decltype(Source::is_stop(frame)) {
   return Source::is_stop(frame);
@@ -266,7 +269,7 @@ bool is_stop(const Frame&, long) {
   return false;
 }
 
-/// The rest of `hand_over` where frames have header fields: the rules of both, then the handler.
+/// Continue `hand_over` for frames with header fields: apply the rules of both, then call the handler.
 template <class Message, class Header, class Handler>
 WIREBOND_INLINE bool hand_over_both(Message& message, const Header& header, Handler& handler, Violations& counts) {
   const Violation found = violations(message) | violations(header);
@@ -291,14 +294,13 @@ WIREBOND_INLINE bool hand_over_both(Message& message, const Header& header, Hand
 }  // namespace detail
 
 /// Decode the frame's payload, apply the field rules, and call `handler.on(const Message&)` or, where frames of
-/// `Source` have header fields, `handler.on(const Message&, const Header&)`: whichever it has, and the latter where it
-/// has both. True when message and header passed the rules (clamped or not), whether or not the handler wants the
-/// message.
+/// `Source` have header fields, `handler.on(const Message&, const Header&)`: the latter if it has both. Returns true if
+/// message and header passed the rules (clamped or not), even if the handler has no function for the message.
 template <class Message, class Source = void, class Handler>
 bool hand_over(const Frame& frame, Handler& handler, Violations& counts) {
   detail::Room<Message> room;
   Message& message = room.message();
-  if (!detail::decode_frame(frame, message)) {  // the deframer has seen to the payload's least size
+  if (!detail::decode_frame(frame, message)) {  // the deframer has checked the payload's minimum size
     counts.count(Violation::wrong_count);
     return false;
   }

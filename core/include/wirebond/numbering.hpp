@@ -16,8 +16,8 @@ namespace wirebond {
 
 namespace detail {
 
-/// Does the frame say that its payload has this many bytes, if it is of this form? Forms of the same constants may
-/// differ in the sizes that they are for. A length that counts stuffed bytes is not compared, because no part of such
+/// Check whether the frame, if it is of this form, gives its payload this many bytes. Forms with the same constants may
+/// differ in their sizes. A length that counts stuffed bytes is not compared, because no part of such
 /// a frame has a condition.
 template <class Source>
 WIREBOND_INLINE bool says_size(const Source& source, const Form& form, const std::uint8_t* frame, std::size_t size,

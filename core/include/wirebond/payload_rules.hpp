@@ -1,5 +1,5 @@
-// Rules over a message's payload, as plain data: constants among its fields, and counts that say where they lie and how
-// long the payload is. A format without such rules has none of this in its program.
+// Rules of a message's payload, as plain data: constants among its fields, and counts that decide where they are and
+// how long the payload is. A format without such rules has none of this in its program.
 #pragma once
 
 #include <cstddef>
@@ -13,8 +13,8 @@ namespace wirebond {
 
 constexpr std::size_t max_payload_counts = 8;
 
-/// A byte of the payload that must have a value; `mask` selects the bits that count. It lies at `at`, and behind what
-/// the first `behind` counts of the message take.
+/// A byte of the payload that must have a value; `mask` selects the bits that count. It is at `at`, moved by the bytes
+/// of the message's first `behind` counts.
 struct PayloadConstant {
   std::uint16_t at = 0;
   std::uint8_t behind = 0;
@@ -22,8 +22,8 @@ struct PayloadConstant {
   std::uint8_t value = 0;
 };
 
-/// A number of the payload that tells how many elements or bytes stand behind it: (number >> shift) & mask, each of
-/// `unit` bytes. Its own place is that of a PayloadConstant.
+/// A number of the payload that counts elements or bytes after it: (number >> shift) & mask, each of `unit` bytes. Its
+/// own place is given as for a PayloadConstant.
 struct PayloadCount {
   std::uint16_t at = 0;
   std::uint8_t behind = 0;
@@ -32,9 +32,9 @@ struct PayloadCount {
   std::uint8_t shift = 0;
   std::uint64_t mask = 0xFF;
   std::uint16_t unit = 1;
-  std::uint16_t most = 0;  ///< a greater number is none of this message
-  std::uint16_t step = 1;  ///< nor is one that this does not divide: it counts the bytes of elements that are so long
-  std::int8_t agrees_with = -1;  ///< an earlier count of the same elements, which takes the bytes; both tell as many
+  std::uint16_t most = 0;  ///< maximum of this message
+  std::uint16_t step = 1;  ///< size of an element if bytes are counted; other numbers than its multiples are invalid
+  std::int8_t agrees_with = -1;  ///< an earlier count of the same elements, which must be equal; it moves later bytes
 };
 
 /// The rules of one message. Points at constants of the program, or at tables that the caller keeps.
@@ -43,7 +43,7 @@ struct PayloadRules {
   const PayloadCount* counts = nullptr;
   std::uint8_t constant_count = 0;
   std::uint8_t count_count = 0;
-  std::uint16_t most_beside = 0;  ///< not 0: beside what the counts tell, a payload has this many bytes at most
+  std::uint16_t most_beside = 0;  ///< not 0: maximum number of payload bytes that are not counted by the counts
 };
 
 namespace detail {
@@ -54,33 +54,33 @@ template <class Source>
 struct HasPayloadRules<Source, std::void_t<decltype(std::declval<const Source&>().payload_rules(std::int16_t{}))>>
     : std::true_type {};
 
-/// How much farther than their least place things lie in one payload: behind the first i counts by `behind[i]` bytes.
+/// Distances by which the parts of one payload are moved: those after the first i counts by `behind[i]` bytes.
 struct PayloadShifts {
   std::size_t behind[max_payload_counts + 1];
 };
 
-/// How many bytes a payload has, as its counts tell.
+/// Size of a payload, computed from its counts.
 struct ToldSize {
   std::size_t size = 0;
   std::size_t need = 0;  ///< not 0: this many payload bytes are needed to decide
   bool is_told = false;  ///< false with `need` 0: a count is greater than the message allows
 };
 
-/// Does a count of the source's messages tell the bytes of elements? Other firmware has no code for it.
+/// Check whether a count of the source's messages counts the bytes of elements. Other firmware has no code for it.
 template <class Source, class = void>
 struct CountsBytes : std::true_type {};
 template <class Source>
 struct CountsBytes<Source, std::void_t<decltype(Source::counts_bytes)>>
     : std::integral_constant<bool, Source::counts_bytes> {};
 
-/// Do counts of the source's messages bound their payloads? Other firmware has no code for it.
+/// Check whether counts of the source's messages limit their payloads. Other firmware has no code for it.
 template <class Source, class = void>
 struct BoundsByCounts : HasPayloadRules<Source> {};
 template <class Source>
 struct BoundsByCounts<Source, std::void_t<decltype(Source::bounds_by_counts)>>
     : std::integral_constant<bool, Source::bounds_by_counts> {};
 
-/// May a count tell this number, if `taken` bytes are what it agrees with?
+/// Check whether a count can have this number. `taken`: bytes of the count that it must agree with.
 template <bool counts_bytes>
 bool may_tell(const PayloadCount& count, std::size_t number, std::size_t taken) {
   if constexpr (counts_bytes) {
@@ -92,12 +92,13 @@ bool may_tell(const PayloadCount& count, std::size_t number, std::size_t taken) 
   return true;
 }
 
-/// The bytes that the elements of an earlier count take.
+/// Return the number of bytes of the elements of an earlier count.
 inline std::size_t taken_by(const PayloadShifts& shifts, std::int8_t count) {
   return count < 0 ? 0 : shifts.behind[count + 1] - shifts.behind[count];
 }
 
-/// `available` bytes are there from `payload` on, of this payload or behind it. `least`: bytes where all counts are 0.
+/// Compute a payload's size. `available` bytes are there from `payload` on, some of them perhaps after the payload.
+/// `least`: its size if all counts are 0.
 template <bool counts_bytes>
 ToldSize told_size(const PayloadRules& rules, const std::uint8_t* payload, std::size_t available, std::size_t least) {
   PayloadShifts shifts;
@@ -117,8 +118,8 @@ ToldSize told_size(const PayloadRules& rules, const std::uint8_t* payload, std::
   return {least + shifts.behind[rules.count_count], 0, true};
 }
 
-/// What the first `how_many` counts of a whole payload say. False: one of them lies beyond it, or tells what is no
-/// number of elements (`any_number`: that is read all the same).
+/// Read the first `how_many` counts of a whole payload. Returns false if one of them is beyond its end or has an
+/// invalid number (`any_number`: which is read all the same).
 template <bool counts_bytes>
 bool read_counts(const PayloadRules& rules, std::size_t how_many, bool any_number, const std::uint8_t* payload,
                  std::size_t size, PayloadShifts& shifts) {
@@ -138,12 +139,12 @@ bool read_counts(const PayloadRules& rules, std::size_t how_many, bool any_numbe
   return true;
 }
 
-/// Whether the constants of a whole payload hold. `trims_zeros`: those that are not there were zeros.
+/// Check the constants of a whole payload. `trims_zeros`: missing ones were zeros.
 template <bool counts_bytes>
 bool payload_holds(const PayloadRules& rules, const std::uint8_t* payload, std::size_t size, bool trims_zeros) {
   if (rules.constant_count == 0) return true;
   PayloadShifts shifts;
-  const std::size_t needed = rules.constants[rules.constant_count - 1].behind;  // the last one is behind the most
+  const std::size_t needed = rules.constants[rules.constant_count - 1].behind;  // the last one depends on most counts
   if (!read_counts<counts_bytes>(rules, needed, false, payload, size, shifts)) return false;
   for (std::size_t i = 0; i < rules.constant_count; ++i) {
     const PayloadConstant& constant = rules.constants[i];
@@ -155,7 +156,7 @@ bool payload_holds(const PayloadRules& rules, const std::uint8_t* payload, std::
   return true;
 }
 
-/// Has a whole payload more bytes than its counts allow? One of which a count is missing has not.
+/// Check whether a whole payload has more bytes than its counts allow. False if a count is missing.
 template <bool counts_bytes>
 bool exceeds_counts(const PayloadRules& rules, const std::uint8_t* payload, std::size_t size) {
   if (rules.most_beside == 0) return false;

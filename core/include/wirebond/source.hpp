@@ -89,7 +89,7 @@ struct PartCounts {
   bool is_hex = false;
   bool is_on_wire = false;
   bool is_continued = false;
-  std::size_t more_ranges = 0;  ///< of one check, behind its first
+  std::size_t more_ranges = 0;  ///< of one check, after its first
   bool is_in_bits = false;
 };
 
@@ -186,7 +186,7 @@ WIREBOND_INLINE std::uint64_t over_range(const Source& source, const CheckRule& 
   return source.check_update(rule.algorithm, reg, frame + from, to - from);
 }
 
-/// Run a check over its ranges behind the first one, in a frame of `size` bytes.
+/// Run a check over its ranges after the first one, in a frame of `size` bytes.
 template <class Source>
 WIREBOND_INLINE std::uint64_t over_more_ranges(const Source& source, [[maybe_unused]] const CheckRule& rule,
                                                std::uint64_t reg, const std::uint8_t* frame, std::size_t size) {
@@ -269,7 +269,7 @@ constexpr bool may_take_words() {
   }
 }
 
-/// Check whether what a check of the source sends may not be its value itself.
+/// Check whether a check of the source may send its value in another form.
 template <class Source>
 constexpr bool may_send_otherwise() {
   if constexpr (folds<Source>(0)) {

@@ -1,6 +1,4 @@
-// Field rules of received messages: what can be broken, and how often it was. The deframer delivers; this file does
-// not.
-#pragma once
+// Kinds and counters of broken field rules in received messages. Only names and numbers: decoding is elsewhere.
 
 #include <cstdint>
 
