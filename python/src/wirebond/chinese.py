@@ -16,8 +16,8 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-LONGEST = 2000  # characters of a sentence; what is longer is a text of a person or of a file
-TWIN = "_zh"  # behind the key of a sentence
+LONGEST = 2000  # characters of a sentence; a longer one is a text of a person or of a file
+TWIN = "_zh"  # after the key of a sentence
 _KEPT = 512
 _DEEPEST = 12  # sentences within one another
 _PLACE = re.compile(r"\{([~#]?\w+)\}")

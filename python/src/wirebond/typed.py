@@ -118,7 +118,7 @@ def decoded(kinds: Mapping[str, Callable[[Mapping[str, Any]], _Typed]], message:
     try:
         made = make(fields)
         if hasattr(type(made), "header"):
-            object.__setattr__(made, "header", message.header)  # what it came with is no value to give
+            object.__setattr__(made, "header", message.header)  # the received header; not a value to give
         if message.stamp is not None and hasattr(type(made), "stamp_error"):
             object.__setattr__(made, "stamp", message.stamp)
             object.__setattr__(made, "stamp_error", message.stamp_error)

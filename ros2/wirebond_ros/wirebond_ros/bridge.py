@@ -36,7 +36,7 @@ PARAMETERS: dict[str, tuple[Any, str]] = {
 }
 
 
-_LOOK_EVERY = 1.0  # seconds between two looks whether ROS has ended, or a thread of the bridge has failed
+_LOOK_EVERY = 1.0  # seconds between two checks whether ROS has ended, or a thread of the bridge has failed
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -91,7 +91,7 @@ def _run(names: list[str], failure: Failure) -> int:
             except Exception as error:
                 failure.note("its executor", error)
             if why := next(filter(None, (one.why for one in failures)), ""):
-                # Topics that stopped would look like a robot that says nothing. `respawn` starts a new bridge.
+                # If only its topics stopped, the robot would seem to be silent. `respawn` starts a new bridge.
                 node.get_logger().fatal(f"the bridge ends: {why}")
                 return 1
     return 0

@@ -33,7 +33,7 @@ from wirebond.ros2.types import RosType, ServiceType
 from wirebond_ros.calls import CallLoop
 from wirebond_ros.taking import TakeLoop, Taken
 
-_LOOK_EVERY = 0.1  # seconds between two looks for stalls, where the executor takes the messages
+_LOOK_EVERY = 0.1  # seconds between two checks for stalls, if the executor takes the messages
 
 
 class RclpyPublisher:

@@ -26,7 +26,7 @@ _AT_ONCE = 256  # messages of one subscription before the next one's turn
 _GATHER = 0.001  # seconds that messages may wait for others at a high rate
 _BUSY_FOR = 0.005  # seconds without a message until the thread sleeps until one comes
 _WAKE_NS = 100_000_000  # how long the end of the node may have to wait
-_LOOK_EVERY = 1.0  # seconds between two looks for events while messages come
+_LOOK_EVERY = 1.0  # seconds between two checks for events while messages come
 
 
 @dataclass(frozen=True)

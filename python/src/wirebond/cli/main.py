@@ -80,11 +80,11 @@ def common(
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the whole command, and return its exit code: every error that can be foreseen becomes a sentence."""
-    logging.getLogger("wirebond").addHandler(logging.NullHandler())  # the commands say themselves what it would
+    logging.getLogger("wirebond").addHandler(logging.NullHandler())  # the commands report these events themselves
     show_port_log()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # a terminal of another encoding shows what it can
+            stream.reconfigure(errors="backslashreplace")  # a terminal of another encoding shows those that it has
     code = _run(arguments)
     try:
         sys.stdout.flush()
@@ -168,7 +168,7 @@ def _file_sentence(error: OSError) -> str:
 
 
 def _output_sentence(error: OSError) -> str:
-    drop(1)  # or what is still to be written fails once more when Python ends
+    drop(1)  # otherwise the rest fails once more when Python ends
     return f"the output cannot be written: {error.strerror or error}"
 
 

@@ -17,7 +17,7 @@ def main() -> None:
     """Entry point of the installed command."""
     _open_standard_streams()
     _start_nothing_unused()
-    gc.disable()  # what is imported stays, and looking through it for garbage is a tenth of the start
+    gc.disable()  # imported modules stay, and searching them for garbage is a tenth of the start
     from wirebond.cli.main import main as run  # noqa: PLC0415 it takes a while, and Ctrl-C may come meanwhile
 
     gc.freeze()

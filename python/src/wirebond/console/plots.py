@@ -33,7 +33,7 @@ class PlotFeed:
     plot: Plot
     _sent: dict[str, _Sent] = field(default_factory=dict)
     _is_first: bool = True
-    _newest: float = -math.inf  # of what a fixed range had when it was looked at
+    _newest: float = -math.inf  # newest time of a fixed range when it was read
 
     def batch(self, history: History, now: float) -> bytes | None:
         """Return what the client lacks; None: nothing.

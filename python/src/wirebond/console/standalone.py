@@ -109,7 +109,7 @@ def _in_one(index: str, files: dict[str, bytes], engine: bytes, tables: bytes) -
     return whole.replace("</body>", f"{script(found)}\n  </body>", 1)
 
 
-# ---- what the worker needs of the protocol
+# ---- the worker's part of the protocol
 
 
 def facts(codec: Codec) -> dict[str, Any]:

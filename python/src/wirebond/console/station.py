@@ -36,7 +36,7 @@ class Station:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._served: Served | None = None
-        self.connecting: dict[str, str] | None = None  # what is tried, for the view of the link
+        self.connecting: dict[str, str] | None = None  # the connection attempt, for the view of the link
 
     @property
     def served(self) -> Served | None:

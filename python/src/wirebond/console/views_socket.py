@@ -20,7 +20,7 @@ from wirebond.errors import UsageError
 
 VERSION = 1
 BEAT_EVERY = 0.25  # seconds: a client that hears nothing for longer knows that its network or this server stalls
-_MOST_UNSEEN = 2  # rounds under way to a client that tells which it has drawn
+_MOST_UNSEEN = 2  # rounds in flight to a client that acknowledges the rounds it has drawn
 
 
 async def views(socket: WebSocket, visitors: Visitors, station: Station, library: Library) -> None:
@@ -58,8 +58,8 @@ class _Views:
     def __init__(self, socket: WebSocket, viewer: Viewer) -> None:
         self._socket = socket
         self._viewer = viewer
-        self._wanted: Views | None = None  # what no round has looked at yet
-        self._acks = False  # the client tells which rounds it has drawn
+        self._wanted: Views | None = None  # not handled by a round yet
+        self._acks = False  # the client acknowledges the rounds it has drawn
         self._rounds = 0  # that were sent
         self._seen = 0
         self._sent = time.monotonic()  # when the client was last sent anything

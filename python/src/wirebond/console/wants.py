@@ -46,7 +46,7 @@ class _Message(msgspec.Struct):
 
     views: dict[str, Any] | None = None
     token: str = ""
-    acks: bool | None = None  # it tells by ``seen`` which rounds it has drawn
+    acks: bool | None = None  # it acknowledges by ``seen`` the rounds it has drawn
     seen: int | None = None
 
 

@@ -26,7 +26,7 @@ _Reply = TypeVar("_Reply")
 _MessageHandler = TypeVar("_MessageHandler", bound=Callable[[Message], Awaitable[object]])
 _LogHandler = TypeVar("_LogHandler", bound=Callable[[LogEvent], Awaitable[object]])
 _DeadlineHandler = TypeVar("_DeadlineHandler", bound=Callable[[DeadlineEvent], Awaitable[object]])
-_CLOSE_PATIENCE = 1.0  # seconds for coroutines that handle what came before the end
+_CLOSE_PATIENCE = 1.0  # seconds for coroutines that handle messages from before the end
 
 
 class Aio:
@@ -71,7 +71,7 @@ class Aio:
                     waiter = self._loop.create_future()
                     self._waiters.add(waiter)
                     try:
-                        if inbox.take_now(taken):  # one that came before the loop could be told
+                        if inbox.take_now(taken):  # one that came before the loop could be notified
                             break
                         await waiter
                     finally:
@@ -183,7 +183,7 @@ class Aio:
             if answer.done() and not answer.cancelled():  # it came in the moment in which the task was cancelled
                 self._nobody_waits_for(answer.result())
             if isinstance(error, TimeoutError):
-                self._link._inbox.requests.withdraw(asked.question)  # it says what came instead
+                self._link._inbox.requests.withdraw(asked.question)  # its error describes the message that came instead
                 raise asked.timeout_error() from None
             raise
         finally:

@@ -24,7 +24,7 @@ class Sample:
     """The result of one exchange."""
 
     mcu: float  # seconds, in the middle between its two times; counted on when it wraps
-    host: float  # in the middle of what is possible
+    host: float  # in the middle of the possible range
     half: float  # the truth is at most this far from `host`
 
 
@@ -36,7 +36,7 @@ class Segment:
     mcu: float  # a point of the line
     host: float
     slope: float
-    behind: float = 0.0  # how far the line lies after the answer, at `start`
+    behind: float = 0.0  # distance of the line from the answer, at `start`
     slew: float = LEAST_SLEW  # seconds until the answer is on the line
 
     def line(self, mcu: float) -> float:

@@ -25,10 +25,10 @@ LEAST_APART = 0.5  # seconds: of the exchanges in such a time only the best coun
 LEAST_BITS = 24  # of the MCU's clock: a narrower one wraps within seconds
 MOST_BITS = 32  # that are looked at: a firmware counts 32 bits, however wide the field is
 MAX_DRIFT = 0.02  # of any MCU's clock, as long as it is not measured: a poor RC oscillator
-LIKELY_DRIFT = 1e-3  # of most clocks: exchanges that lie close together say nothing of the drift, and this rules
+LIKELY_DRIFT = 1e-3  # of most clocks: used while exchanges are too close together to show the drift
 WANDER = 10e-6  # by how much a measured drift may change within the window
 BAUD_ERROR = 0.05  # by which the other end may be faster than the line's rate: more, and it would not be understood
-STAMP_ERROR = 50e-6  # seconds by which an MCU may stamp too early: it takes the time before it looks
+STAMP_ERROR = 50e-6  # seconds by which an MCU may stamp too early: it reads the time before it checks for bytes
 _SEGMENTS = 64  # of the answer that are remembered, for stamps that come late
 
 
@@ -86,7 +86,7 @@ class ClockSync:
         self._drift_error = MAX_DRIFT
         self._began = 0.0
         self._has_line = True  # nothing speaks against the times of bytes on the line
-        self._line: ClockLine | None = None  # what is known; None: nothing, or it has changed
+        self._line: ClockLine | None = None  # None: nothing is known, or it has changed
         self.exchanges = 0
         self.outliers = 0
         self.restarts = 0
@@ -122,7 +122,7 @@ class ClockSync:
         taken = (sent_us - received_us) % self._modulus * 1e-6
         fastest = (to_mcu + to_host) * (1 - BAUD_ERROR) - 2 * STAMP_ERROR
         if self._has_line and -2 * STAMP_ERROR <= back - sent - taken < fastest:
-            self._has_line = False  # faster than bytes can be: what was taken for a line is none, and says nothing
+            self._has_line = False  # faster than bytes can be: the estimated line is wrong, and is discarded
             self._clear()
         if self._has_line:
             sent += to_mcu * (1 - BAUD_ERROR)

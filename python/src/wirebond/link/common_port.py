@@ -249,7 +249,7 @@ class _Opened:
         with self._changed:
             self._changed.wait_for(lambda: self._is_closed)
 
-    # ---- what a branch calls
+    # ---- called by a branch
 
     def read(self, branch: _Branch) -> tuple[bytes, float]:
         with self._changed:

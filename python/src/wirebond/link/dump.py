@@ -167,7 +167,7 @@ class _Reading:
         self.causes: defaultdict[int, Counter[str]] = defaultdict(Counter)
         self.settled = 0
         self._fast, self._exact = codec.decoder(sender), codec.decoder(sender)
-        self._run = 0  # where the bytes behind the last frame begin
+        self._run = 0  # where the bytes after the last frame begin
         self._known: Counter[str] = Counter()
 
     def expect(self, request: str) -> None:

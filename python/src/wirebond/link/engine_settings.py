@@ -70,7 +70,7 @@ class EngineSettings:
     send: FormatTable
     send_pause_seconds: float  # between two frames, where silence ends one
     max_age_seconds: float  # that a frame waits
-    echo: bool  # the line brings back what is sent
+    echo: bool  # the line echoes sent bytes
     largest_frame: int  # bytes on the wire
     every: tuple[float, ...]  # of each message of the protocol: the seconds between two
     latest: tuple[bool, ...]  # of each message: only the newest frame waits

@@ -50,7 +50,7 @@ class FrameMaker:
         header = header_fields(codec.model.format.parts)
         self._numbers = frozenset(field.name for field in header if field.is_sequence)
         self._address_field = own_address_field(codec, end)
-        self._own_address: int | str | None = None  # what it was set to
+        self._own_address: int | str | None = None  # the address that was set
         named = (Address.SENDER,) if end == End.HOST else (Address.SENDER, Address.MCU)
         self._sender = next((f.name for f in header if f.address in named), None)  # the field that says who sends
         stop = codec.model.emergency_stop if end == End.HOST else ()

@@ -39,12 +39,12 @@ class DeadlineEvent:
 
 @dataclass(eq=False)
 class _Handler:
-    function: Callable[..., object]  # what the program gave
-    call: Callable[[Any], object]  # what is called with a message or an event
+    function: Callable[..., object]  # given by the program
+    call: Callable[[Any], object]  # called with a message or an event
     name: str | None  # of the message or the action; None: all
     told: set[str] = field(default_factory=set)  # actions that it knows as struck
     since: float = 0.0  # when it was registered
-    is_new: bool = True  # it does not know yet what had struck before
+    is_new: bool = True  # it does not know yet which deadlines had struck before
     is_removed: bool = False
     reported: float = -_REPORT_EVERY
     unreported: int = 0
@@ -89,7 +89,7 @@ class Handlers:
         self.errors = 0  # handlers that raised
         self.dropped = 0  # messages that waited too long
 
-    # ---- what programs call
+    # ---- called by programs
 
     def add(self, function: Callable[..., object], name: str | None, call: Callable[[Any], object]) -> None:
         """Call ``call`` with each message of this name; ``function`` is what ``remove`` knows it by."""
@@ -112,7 +112,7 @@ class Handlers:
             self._of_deadlines = tuple(h for h in self._of_deadlines if not h.is_removed)
             return bool(removed)
 
-    # ---- what the link calls
+    # ---- called by the link
 
     def start(self) -> None:
         """Start the thread, once."""
@@ -198,9 +198,9 @@ class Handlers:
     # ---- the thread
 
     def _run(self) -> None:
-        looked: tuple[_Handler, ...] = ()  # the handlers of deadlines that know what had struck before they came
+        looked: tuple[_Handler, ...] = ()  # handlers of deadlines that know which ones had struck before they came
         while not self._is_left:
-            has_ended = self._has_ended  # before the look at what waits
+            has_ended = self._has_ended  # before the check of the queue
             if self._of_deadlines is not looked:
                 looked = self._of_deadlines
                 self._tell_what_has_struck(looked)

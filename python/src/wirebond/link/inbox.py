@@ -38,8 +38,8 @@ MAX_SENDERS = 4096  # addresses whose newest message is kept, of each message
 _NAME = attrgetter("name")
 _WAIT = 60.0  # seconds that the thread waits at once
 _CLOSING = 2.0  # seconds: longer than a link takes to close
-_LOOK = 0.01  # seconds between two looks at what waits for handlers, where another thread receives or the link closes
-_TURN = 0.25  # seconds that a caller waits in the engine before it looks whether the thread has begun
+_LOOK = 0.01  # seconds between two checks for handlers, if another thread receives or the link closes
+_TURN = 0.25  # seconds that a caller waits in the engine before it checks whether the thread has begun
 
 _T_co = TypeVar("_T_co", covariant=True)
 
@@ -77,7 +77,7 @@ class Inbox:
         self._changed: deque[tuple[str, int, int]] = deque()  # the same; of deadlines and of the port
         self._is_routing = False
         self._turn = threading.Lock()  # of the two threads that get messages from the engine, and route them
-        self._queue: SimpleQueue[Message | None] = SimpleQueue()  # to be taken; None behind the last of all
+        self._queue: SimpleQueue[Message | None] = SimpleQueue()  # to be taken; None after the last one
         self._given_back: deque[Message] = deque()  # to be taken before those
         self._dropped = 0
         self._newest: dict[str, Message] = {}
@@ -303,7 +303,7 @@ class Inbox:
 
     def _run(self) -> None:
         until = time.monotonic() + 2 * _TURN
-        while self._callers and time.monotonic() < until:  # they route what comes until they look here
+        while self._callers and time.monotonic() < until:  # they pass messages on until they check here
             time.sleep(0.001)
         self._turn.release()
         try:

@@ -16,8 +16,8 @@ from wirebond.link.link import Link, open_link
 from wirebond.link.shared_line import Sender, SharedLine, SharedStats
 from wirebond.link.tap import Chunk
 
-_WAIT = 0.25  # seconds between two looks whether it was closed
-_LOOK = 0.005  # seconds between two looks at a shared line
+_WAIT = 0.25  # seconds between two checks whether it was closed
+_LOOK = 0.005  # seconds between two reads of a shared line
 _HELD_BACK = 0.02  # seconds that an adapter may hold bytes back
 _LINE = "line"  # the link of a shared line
 
@@ -56,7 +56,7 @@ class Listener:
                     wait_for_port=wait,
                     hello=False,
                     clock_sync=False,
-                    role="mcu" if sender == "host" else "host",  # whoever plays the one end hears the other
+                    role="mcu" if sender == "host" else "host",  # the role of one end receives the other's frames
                 )
                 links[sender] = opened.enter_context(link)
             self._opened = opened.pop_all()
@@ -152,8 +152,8 @@ class _SharedPort:
                 found += self.line.feed(piece.bytes, piece.before)
             if not pieces:
                 found += self.line.finish() if is_closed else self.line.idle(self._looked)
-            self._looked = max(self._looked, now - _HELD_BACK)  # what came until then has been read at the next look
-            self._link.internals.inbox.take_rest([])  # what the link itself makes of the bytes is half of it
+            self._looked = max(self._looked, now - _HELD_BACK)  # bytes until then are read at the next turn
+            self._link.internals.inbox.take_rest([])  # drop the link's own messages: it sees half of the bytes only
             left = until - time.monotonic()
             if found or left <= 0:
                 return [Heard(str(sender), message) for sender, message in found]

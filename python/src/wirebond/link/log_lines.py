@@ -13,7 +13,7 @@ from wirebond.visible import visible
 
 MOST_A_SECOND = 100  # lines that are given to `logging`; the rest is counted
 
-_lines = logging.getLogger("wirebond.log")  # what the MCU says
+_lines = logging.getLogger("wirebond.log")  # lines of the MCU
 _NUMBERS = {"debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
 
 

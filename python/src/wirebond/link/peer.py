@@ -81,7 +81,7 @@ class PeerBook:
         :returns: whether its file is another one than before, or it was not known.
         """
         if t < self._connected:
-            return False  # of whoever was there before
+            return False  # of the device that was there before
         self._asked = [asked for asked in self._asked if t - asked < _ANSWER_TIME]
         before = self.peer
         is_answer = bool(self._asked)

@@ -25,12 +25,12 @@ from wirebond.link.python_ports import PortOpener, PortThread, PythonPort
 # As those of the engine's link: how long after a port went away, or could not be opened, it is tried again.
 _FIRST_OPEN_WAIT = 0.02
 _LAST_OPEN_WAIT = 1.0
-_LAST_WATCHED_WAIT = 0.2  # a look at a file costs little, should its appearance be missed
+_LAST_WATCHED_WAIT = 0.2  # checking a file costs little, if its appearance should be missed
 _LEAST_OPEN_WAIT = 0.005  # however much appears
 _SETTLED_AFTER = 1.0  # a port that lasted so long is no port that fails at once
 _DRAIN_ON_CLOSE = 1.0
 _LONGEST_SLEEP = 0.5
-_LOOK = 0.02  # seconds between two looks for a port that is away
+_LOOK = 0.02  # seconds between two checks for a port that is away
 
 
 def _now() -> int:
@@ -93,7 +93,7 @@ class PythonLink:
         self._supervisor = PortThread(target=self._run, name="port of a link", daemon=True)
         self._supervisor.start()
 
-    # ---- what programs call
+    # ---- called by programs
 
     def send(self, message: int, frame: bytes, reply: int, takes_number: bool, address: int) -> int:
         with self._owned():
@@ -185,7 +185,7 @@ class PythonLink:
 
     def _receive(self, wait: Callable[[float], None], timeout: float) -> Iterable[Message]:
         with self._owned():
-            self._taken.notify_all()  # what came before was taken
+            self._taken.notify_all()  # earlier messages were taken
             wait(timeout)
         return itertools.chain.from_iterable(itertools.starmap(self._core.receive, ((),)))
 
@@ -263,7 +263,7 @@ class PythonLink:
             return
         self.begin_close()
         if isinstance(threading.current_thread(), PortThread):
-            return  # it collects garbage; the link ends behind this
+            return  # it collects garbage; the link ends after this
         with self._lock:
             while not self._is_done and (left := self._close_by + 0.1 - time.monotonic()) > 0:
                 self._arrived.wait(left)
@@ -441,7 +441,7 @@ class PythonLink:
             self._next_open = min(self._next_open, now + _LEAST_OPEN_WAIT)
         if now < self._next_open:
             return
-        self._seen = self._opener.appearance()  # before the look: what appears during it is seen by the next one
+        self._seen = self._opener.appearance()  # before the check: a change during it is seen by the next one
         self._opening = PortThread(target=self._open, name="opener of a link", daemon=True)
         self._opening.start()
 
@@ -461,5 +461,5 @@ class PythonLink:
                 self._arrived.notify_all()
                 port = None
             self._work.notify()
-        if port is not None:  # the link ended meanwhile
+        if port is not None:  # the link ended in the meantime
             port.close()

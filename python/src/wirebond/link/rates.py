@@ -134,7 +134,7 @@ def _by_message(
         count = now.get(message.name, 0) - before.get(message.name, 0)
         if message.sent_by(sender) and (count or message.every is not None):
             due = None if message.every is None else 1 / message.every
-            # One more or less lies at the window's edges.
+            # One more or less is at the window's edges.
             expected = None if due is None else max(0.0, seconds * due - 1)
             missing = None if expected is None else _part(max(0.0, expected - count), expected)
             rates[message.name] = MessageRate(count / seconds, due, missing)

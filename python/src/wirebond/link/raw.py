@@ -12,7 +12,7 @@ from wirebond.protocol.loader import loads
 from wirebond.protocol.model import LinkSettings
 
 NAME = "listener"
-_LOOK = 0.05  # seconds between two looks at what has come
+_LOOK = 0.05  # seconds between two checks for received bytes
 # A link needs a protocol. What this one finds does not matter.
 _TEXT = """
 wirebond: 1

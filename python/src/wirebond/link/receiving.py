@@ -38,8 +38,8 @@ _MessageHandler = TypeVar("_MessageHandler", bound=Callable[[Message], object])
 _LogHandler = TypeVar("_LogHandler", bound=Callable[[LogEvent], object])
 _DeadlineHandler = TypeVar("_DeadlineHandler", bound=Callable[[DeadlineEvent], object])
 _SIGNAL_TURN = 0.25  # seconds
-_REPLAY_WAIT = 0.05  # seconds between two looks whether a replay has ended
-_ITERATION_WAIT = 60.0  # seconds: how long one wait of an iteration lasts; signals are heard meanwhile
+_REPLAY_WAIT = 0.05  # seconds between two checks whether a replay has ended
+_ITERATION_WAIT = 60.0  # seconds: how long one wait of an iteration lasts; signals are handled during it
 _NO_LIMIT = 1e9  # seconds: longer times mean the same, and threads cannot wait for them
 _PATIENCE = 1.0  # seconds that the end of a link waits for handlers
 
@@ -52,7 +52,7 @@ class Asked:
     question: Question
     header: Mapping[str, Any]
     timeout: float
-    typed: Callable[[Message], Any] | None  # what makes an object of the reply; None: a name asked
+    typed: Callable[[Message], Any] | None  # makes the object of the reply; None: a name was asked
 
     def result(self, outcome: Outcome) -> Any:
         """Return the reply as the caller wants it; or raises what went wrong."""
@@ -385,7 +385,7 @@ class Receiving:
             except Empty:
                 self._inbox.requests.withdraw(asked.question)
                 try:
-                    outcome = answer.get_nowait()  # it came meanwhile
+                    outcome = answer.get_nowait()  # it came in the meantime
                 except Empty:
                     raise asked.timeout_error() from None
             return asked.result(outcome)

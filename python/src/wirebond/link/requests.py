@@ -49,10 +49,10 @@ class Question:
     leave: Callable[[], object] = lambda: None  # sends it; raises where it is refused
     since: float = 0.0  # time.monotonic()
     until: float = 0.0  # no reply is expected later than this
-    is_over: bool = False  # its request was given up: it may only take what is surely its own
+    is_over: bool = False  # its request was given up: it may only take a reply that is certainly its own
     number: int = 0  # of an attached link: of the call that asked
     carried: Mapping[str, Any] | None = None  # fields that the reply carries back; None: not looked at yet
-    others: Mapping[str, Any] | None = None  # what a reply that answers another request carried last
+    others: Mapping[str, Any] | None = None  # fields of the last reply that answered another request
     before: Mapping[str, Any] | None = None  # the receive account when it was sent, where a caller waits
     arrived: Arrivals | None = None  # since then, of a request that was withdrawn without its reply
 
@@ -74,7 +74,7 @@ class RequestBook:
         self._receiver = Receiver(codec, end)
         self._lock = threading.RLock()  # a garbage collection within may send
         self._asked: dict[str, deque[Question]] = {}  # by reply, in the order of the line
-        # Where only the request tells what a reply is, the next request waits for the end of the one before.
+        # If only the request identifies a reply, the next request waits until the one before has ended.
         self._one_at_a_time = bool(told_by_request(codec.model.messages, other(end)))
         self._waiting: deque[Question] = deque()
         # The last message, whose it is, and who waited for it then.
@@ -146,7 +146,7 @@ class RequestBook:
             if self._looked_for is None or is_new:
                 question = self._answered_by(message)
                 self._looked_for = (message, question, None if question is None else question.finish)
-            _, question, finish = self._looked_for  # a signal's handler may have raised behind the first look
+            _, question, finish = self._looked_for  # a signal's handler may have raised after the first check
             if question is None:
                 return False
             if question in self._asked[message.name]:
@@ -253,7 +253,7 @@ class RequestBook:
         """Has this reply the values of the request in these fields? False where there are none."""
         if not names:
             return False
-        if question.carried is None:  # as they stand on the wire
+        if question.carried is None:  # as they are on the wire
             decoder = self._codec.decoder(self._end)
             sent = [*decoder.feed(question.frame), *decoder.finish()]
             question.carried = next((m.fields for m in sent if m.name == question.message), {})

@@ -13,8 +13,8 @@ from serial.rfc2217 import DO, DONT, IAC, SB, SE, WILL, WONT, Serial
 
 _MOST_CHUNKS = 64  # that wait to be read; then the server has to wait
 _CHUNK = 16384  # bytes
-_LONGEST_OPTION = 1024  # bytes of what a server says of one option
-_LOOK = 0.1  # seconds between two looks at whether the port was closed
+_LONGEST_OPTION = 1024  # bytes of a server's answer about one option
+_LOOK = 0.1  # seconds between two checks whether the port was closed
 
 
 class Rfc2217Port(Serial):  # type: ignore[misc]  # pyserial has no types

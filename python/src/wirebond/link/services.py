@@ -94,7 +94,7 @@ class Services:
         self._lock = threading.Lock()
         self._book = PeerBook(codec, "MCU" if end == End.HOST else "host")
         self._heard: deque[tuple[Callable[[Message], None], Message]] = deque(maxlen=_MOST_HEARD)
-        self._opened: deque[float] = deque()  # when the port was, since the last look
+        self._opened: deque[float] = deque()  # when the port was opened, since the last check
         self._clock = _ClockExchanges(codec, inbox) if syncs_clock else None
         self._restarts = 0  # of the peer, that the clock knows of
         if self._clock is not None and self._clock.sync is not None and has_stamps(codec):
@@ -261,7 +261,7 @@ class _ClockExchanges:
         self._answers: deque[Message] = deque()  # to `_asked`: one at most
         self._next = 0.0
         self._soon = _CLOCK_SOON
-        self._host_us = 0  # as it stands in the last request
+        self._host_us = 0  # as in the last request
         self._request_bytes = 0  # of its frame
         self._byte_seconds = 0.0  # that a byte takes on the line; 0: that is not known
         self.sync: ClockSync | None = None

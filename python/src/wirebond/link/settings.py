@@ -29,7 +29,7 @@ from wirebond.protocol.model.forms import header_fields
 from wirebond.protocol.planning import plan_for, told_by_request
 
 STOP_EVERY = 0.05  # seconds between two sends of a stop whose message has no `every`
-_SHORTEST_READ, _LONGEST_READ = 0.001, 0.01  # seconds that a link in Python waits for bytes before it looks around
+_SHORTEST_READ, _LONGEST_READ = 0.001, 0.01  # seconds that a link in Python waits for bytes before it does other work
 RECENT_SECONDS = 10.0  # of both directions at full line that a link keeps
 LEAST_RECENT, MOST_RECENT = 1 << 16, 1 << 21  # bytes
 MORE_ADDRESSES = 255  # that a link has leases and safe values for, beside the first of each message

@@ -21,7 +21,7 @@ class Sender(StrEnum):
 
     HOST = "host"
     MCU = "mcu"
-    EITHER = "either"  # the protocol does not tell
+    EITHER = "either"  # the protocol does not say
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from wirebond.system import NOT_A_LINK, WITHOUT_WAITING
 
 _log = logging.getLogger("wirebond.server")  # which `wirebond serve` prints
 _UNKNOWN = "a program that is not known any more"
-_MOST = 4096  # bytes; what `write` makes is shorter
+_MOST = 4096  # bytes; `write` makes shorter ones
 
 
 class StopFile:

@@ -148,7 +148,7 @@ fletcher-16/mod256 fletcher 16   0      0000   256     no      1    drop  15DD
 fletcher-32        fletcher 32   0      0      65535   no      2    drop  09DF09D5
 adler-32           fletcher 32   1      0      65521   no      1    drop  091E01DE
 """
-# CRC-32/MPEG-2 over words of 32 bits, low byte first: what the CRC unit of an STM32 works out as its HAL sets it up.
+# CRC-32/MPEG-2 over words of 32 bits, low byte first: the CRC unit of an STM32, as its HAL configures it.
 _OF_WORDS = {"crc-32/stm32": ("crc-32/mpeg-2", 4, ByteOrder.LITTLE, 0xAFF19057)}
 
 

@@ -16,7 +16,7 @@ class Counted(StrEnum):
     UNSENT = "unsent"  #: frames that somebody wanted to send and that did not leave
 
 
-# What it counts, and what it means. The generator knows how the link is asked for each: gen/cpp_counters.py.
+# Subject and meaning of each counter. The generator knows how the link provides it: gen/cpp_counters.py.
 COUNTERS: dict[str, tuple[Counted, str]] = {
     "frames": (Counted.RECEIVED, "frames that came whole"),
     "unknown_frames": (Counted.RECEIVED, "of these, frames of no message that the MCU knows"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from decimal import Decimal
 from math import floor, isfinite, log10
 
-_LEAST, _MOST = 1e-5, 1e15  # what lies beyond has too many zeros to count, and gets an exponent
+_LEAST, _MOST = 1e-5, 1e15  # numbers beyond have too many zeros to count, and get an exponent
 
 
 def decimal_text(value: float, digits: int) -> str:

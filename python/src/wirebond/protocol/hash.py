@@ -51,7 +51,7 @@ def _protocol(protocol: Protocol) -> dict[str, Any]:
     frame_format = protocol.format
     mixed = mixes_ids(frame_format.parts, End.HOST) or mixes_ids(frame_format.parts, End.MCU)
     insertion = frame_format.insertion
-    # What was added after the first release stands here only where it is used, so that other hashes stay.
+    # Features added after the first release are included only if they are used, so other hashes stay the same.
     added = {} if insertion is None else {"insertion": [insertion.after.hex(), insertion.byte]}
     return added | {
         "form": _CANONICAL_TEXT,
@@ -193,7 +193,7 @@ def _field(field: Field) -> dict[str, Any]:
         "enum": dict(field.enum),
         "flags": dict(field.flags),
     }
-    # What was added after the first release stands here only where it is used, so that other hashes stay.
+    # Features added after the first release are included only if they are used, so other hashes stay the same.
     added = {
         "bits": field.bits,
         "split": [list(piece) for piece in field.split],

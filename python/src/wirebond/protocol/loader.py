@@ -68,7 +68,7 @@ def _read(root: Mapping, path: str, problems: Problems) -> Protocol | None:
     validate_ids(messages, draft.id_bits, with_id, without_id, problems)
     file = readable(File, root)
     if file is None:
-        # The file's own limits may be what is wrong; the frame's hold all the same.
+        # The file's own limits may be wrong; the frame's limits apply in any case.
         validate_sizes(draft, messages, None, problems, root.place)
         return None
     max_payload = validate_sizes(draft, messages, file.max_payload, problems, root.value_place("max_payload"))

@@ -134,7 +134,7 @@ def offsets_of(form_parts: FormParts, algorithms: list[Algorithm], places: dict[
             (begin, end), *more = earlier.ranges
             is_plain = not more and not earlier.covers_run and not part.on_wire
             same = earlier.algorithm == algorithm and begin == start and is_plain
-            # Both ends count from the start, or this one lies behind the payload: the earlier range is inside.
+            # Both ends count from the start, or this one is after the payload: the earlier range is inside.
             inside = not end.from_end and (stop.from_end or end.offset <= stop.offset)
             if same and inside:
                 continues = earlier_index

@@ -23,7 +23,7 @@ class PayloadConstant:
     """A byte that must have ``value`` in the bits of ``mask``."""
 
     at: int
-    behind: int  # this many of the counts say how much farther it lies
+    behind: int  # it is moved by the bytes of this many counts
     mask: int
     value: int
 
@@ -47,16 +47,16 @@ class PayloadCount(CountingNumber):
     unit: int  # payload bytes for each that it counts
     most: int  # a greater number is none of this message
     step: int  # nor is one that this does not divide: it counts the bytes of elements that are so long
-    agrees_with: int | None  # an earlier count of the same elements, which takes the bytes; this one tells as many
+    agrees_with: int | None  # an earlier count of the same elements, which must be equal; it moves later bytes
 
 
 @dataclass(frozen=True)
 class PayloadRules:
     constants: tuple[PayloadConstant, ...] = ()
     counts: tuple[PayloadCount, ...] = ()
-    tells_size: bool = True  # do the counts alone tell how many bytes the payload has?
+    tells_size: bool = True  # the counts alone give the payload's size
     faults: tuple[tuple[str, str], ...] = ()  # field of the message, and why a rule about it cannot be applied
-    most_beside: int = 0  # not 0: a payload with more bytes than this beside what the counts tell is refused
+    most_beside: int = 0  # not 0: maximum number of payload bytes that no count counts
 
     @property
     def needed_counts(self) -> int:
@@ -124,7 +124,7 @@ class _Lowering:
     counts: list[PayloadCount] = field(default_factory=list)
     faults: dict[str, str] = field(default_factory=dict)
     tells_size: bool = True
-    is_lost: bool = False  # behind a string that a byte ends, or elements of which each has its own size
+    is_lost: bool = False  # after a string that a byte ends, or elements of different sizes
     _numbers: list[dict[str, CountingNumber]] = field(
         default_factory=lambda: [{}]
     )  # of the lists of fields that are open

@@ -30,7 +30,7 @@ MAX_HEADER_FIELDS = 16
 MAX_ESCAPES = 6
 MAX_EXCLUSIONS = 24
 MAX_INSERTION = 4
-NO_ID = 0xFFFFFFFF  # stands for "none" where some frames of a sender have an id and others not
+NO_ID = 0xFFFFFFFF  # means "none" where some frames of a sender have an id and others do not
 
 
 @dataclass(frozen=True)
@@ -86,8 +86,8 @@ class HeaderNumber:
     number: Number
     default: int  # of this sender
     place: int  # in ``Plan.header``
-    fixed_mask: int = 0  # bits of the number that tell this form from others,
-    fixed_value: int = 0  # and what they are in it
+    fixed_mask: int = 0  # bits of the number that distinguish this form from others,
+    fixed_value: int = 0  # and their value
     is_magic: bool = False  # any form will do where no magic is asked for
 
 
@@ -136,8 +136,8 @@ class Form:
     exclusions: tuple[Exclusion, ...] = ()
     payload_unit: int = 1  # a check over words refuses payloads whose size, divided by this, does not leave
     payload_rest: int = 0  # this rest
-    id_mask: int = 0  # bits of the id that tell this form from others,
-    id_value: int = 0  # and what they are in it
+    id_mask: int = 0  # bits of the id that distinguish this form from others,
+    id_value: int = 0  # and their value
 
     @property
     def most_payload(self) -> int:
@@ -188,7 +188,7 @@ class MessageRow:
     seed: int
     only_expected: bool  # shares its id with others of its sender: it is meant where its request has gone out
     rules: PayloadRules  # those that a receiver applies
-    tests: tuple[MatchTest, ...] = ()  # all of what the message's frames have, where ids do not tell all messages
+    tests: tuple[MatchTest, ...] = ()  # all conditions of the message's frames, if ids do not identify all messages
 
 
 class Framing(StrEnum):
@@ -198,7 +198,7 @@ class Framing(StrEnum):
     DELIMITED = "delimited"  # between two equal delimiters
     BRACKETED = "bracketed"  # between an opening and a closing delimiter that differ
     SILENCE = "silence"  # between two silences of the line
-    SIZED = "sized"  # stuffed: by its first constant, and its length tells where it ends
+    SIZED = "sized"  # stuffed: by its first constant, and its length gives its end
 
 
 @dataclass(frozen=True)
@@ -221,10 +221,10 @@ class Plan:
     deliver_unknown: bool
     skips_failed: bool
     plain_front: int  # bytes before the stuffed ones, sent as they are
-    plain_back: int  # bytes behind them
+    plain_back: int  # bytes after them
     decimal_bytes: int  # of the check that is sent in decimal digits; 0: none is
     max_payload: int
-    no_id: int  # what stands for the message of a frame without an id
+    no_id: int  # id of the message of a frame without an id
     own_forms: int
     forms: tuple[Form, ...]
     header: tuple[HeaderField, ...]  # of all forms, in the order of the parts and of their bits
@@ -234,7 +234,7 @@ class Plan:
     sequence: int | None  # place of the number that counts a sender's frames; None: a receiver has nothing to count by
     sequence_per_message: bool  # it counts the frames of each message
     algorithms: tuple[Algorithm, ...]
-    matches: bool  # a message of this sender needs more than one id to be told
-    matches_late: bool  # a test needs bytes that do not stand before the payload
+    matches: bool  # a message of this sender needs more than one id to be identified
+    matches_late: bool  # a test needs bytes that are not before the payload
     id_place: int | None  # place in ``header`` of the id, where a message has several
     messages: tuple[MessageRow, ...]  # by rising id; of one id those that are only expected first

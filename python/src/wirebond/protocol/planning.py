@@ -80,7 +80,7 @@ def plan_for(protocol: Protocol, sender: End | None) -> Plan:
         address=address,
         broadcast=() if address is None else header[address].broadcast_bits,
         peer=peer,
-        sequence=sequence if sender is not None or peer is not None else None,  # two ends in one stream, told apart
+        sequence=sequence if sender is not None or peer is not None else None,  # one stream of two ends: counted apart
         sequence_per_message=sequence is not None and header[sequence].per_message,
         algorithms=tuple(_algorithms(frame_format.parts)),
         matches=matches,

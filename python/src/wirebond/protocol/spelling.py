@@ -153,7 +153,7 @@ def _value_text(comparison: Comparison, value: int) -> str:
 def part_text(parts: tuple[Part, ...], index: int) -> str:
     """One part as a line of the ``frame`` section, without the dash: ``check: {type: xor8, over: id..payload}``."""
     if parts[index].in_bits is not None:
-        index -= 1  # whose text says what it is
+        index -= 1  # its text identifies it
     part = parts[index]
     if part.kind not in _SPELLINGS:
         raise NotImplementedError(f"spelling.py has no entry for the part '{part.kind}'")

@@ -19,7 +19,7 @@ from wirebond.recording.writer import RecordingWriter
 
 ENDINGS = (".bin", ".hex")  # of files that a folder of recordings lists
 _TEXT_ENDINGS = (".hex", ".txt")
-_OTHERS = (layout.ENDING, ".yaml", ".yml")  # of what is no capture, whatever is in it
+_OTHERS = (layout.ENDING, ".yaml", ".yml")  # endings of files that are not captures, whatever they contain
 _READ = 1 << 16  # bytes of the file at a time
 _STEP = 0.001  # seconds of the line in a chunk
 _MOST_CHUNKS = 1 << 20

@@ -19,7 +19,7 @@ from wirebond.recording.replay import Section
 from wirebond.recording.writer import RecordingWriter
 from wirebond.sim.lockstep import LockstepFirmware
 
-_STEP = 0.001  # seconds between two looks at what the firmware sent
+_STEP = 0.001  # seconds between two reads of the firmware's bytes
 _LONGEST = 86_400.0  # seconds of a recording; a damaged time may be years away
 Progress = Callable[[int, int], object]
 

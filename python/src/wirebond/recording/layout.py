@@ -33,7 +33,7 @@ RAW = "raw"  #: encoding of the bytes as they were on the wire
 DIRECTIONS = {RECEIVED: "received", SENT: "sent"}
 
 _encode = msgspec.json.Encoder().encode
-_SIMPLE = {bool, int, float, str, type(None)}  # types that need no look inside
+_SIMPLE = {bool, int, float, str, type(None)}  # types without parts
 _EVENT_SCHEMA = {
     "title": "wirebond.Event",
     "type": "object",

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from wirebond.link import Link
 
 MAX_SPEED = 1e6  # times; faster is as fast as possible
-_LONGEST_SLEEP = 0.1  # seconds between two looks at whether it shall end
+_LONGEST_SLEEP = 0.1  # seconds between two checks whether it shall end
 
 
 @dataclass(frozen=True)

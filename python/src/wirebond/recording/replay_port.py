@@ -20,8 +20,8 @@ from wirebond.recording.recording import Recording
 from wirebond.recording.replay import Pace, Section
 from wirebond.recording.stamps import RecordedClock
 
-_TICK = 0.01  # seconds of the recording between two looks at deadlines and silences
-_LONG = 600.0  # seconds of silence, behind which it looks less and less often: a damaged time may be years away
+_TICK = 0.01  # seconds of the recording between two checks of deadlines and silences
+_LONG = 600.0  # seconds of silence after which checks become rarer: a damaged time may be years away
 _LONGEST_READ = 0.01  # seconds
 
 

@@ -33,7 +33,7 @@ from wirebond.recording.searching import MOST_RECORD as _MOST_RECORD
 from wirebond.recording.searching import Search, Source, Summary, read_summary
 
 _MOST_CHUNK = 1 << 28  # bytes of a chunk without compression; files of others have some MiB
-_KNOWN = (HEADER, CHANNEL, METADATA, ATTACHMENT)  # what is in these records says how long they are
+_KNOWN = (HEADER, CHANNEL, METADATA, ATTACHMENT)  # the content of these records gives their length
 _WINDOW = 1 << 18  # bytes that are read at once
 
 
@@ -190,7 +190,7 @@ class Scan:
             elif not self._search.is_next(behind):
                 raise DamagedError("its length is wrong")
         except (DamagedError, struct.error, UnicodeDecodeError, IndexError) as error:
-            if not self._search.is_next(behind):  # its length is what is damaged
+            if not self._search.is_next(behind):  # its length is damaged
                 return self._resume(at, at + 1)
             self._problem(f"the record at byte {at} is damaged ({error}), and was left out")
         return behind

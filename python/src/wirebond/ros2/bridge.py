@@ -33,14 +33,14 @@ if TYPE_CHECKING:
     from wirebond.link.handlers import DeadlineEvent
     from wirebond.protocol.model import Message as MessageModel
 
-_WAIT = 0.1  # seconds that the bridge waits for messages before it looks at the time again
+_WAIT = 0.1  # seconds that the bridge waits for messages before it checks the time again
 _SERIAL_WAIT = 0.02  # where sent frames have topics, which nothing wakes the bridge for
 _GATHER = 0.001  # seconds that messages may wait for others at a high rate
 _DIAGNOSE_EVERY = 1.0
 _POLL_HOLD = 3.0  # seconds that a request goes on after the bridge last wanted it
 _POLL_AGAIN = 1.0
 _TAKE_CONTROL = "~/take_control"
-_ACTS = 5  # lines a second about what persons do, or what does not happen often
+_ACTS = 5  # lines a second about actions of persons and other rare events
 _DECISION = 3.0  # seconds without a message to take control; then the next one is a person's decision
 
 

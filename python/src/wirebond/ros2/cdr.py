@@ -20,7 +20,7 @@ CODES = {
 _PADDING = [bytes(size) for size in range(8)]
 
 _Writer = Callable[[bytearray, Any], None]
-_Reader = Callable[[bytes, int], tuple[Any, int]]  # data and place: the value, and the place behind it
+_Reader = Callable[[bytes, int], tuple[Any, int]]  # data and place: the value, and the place after it
 
 
 def encode(type_: RosType, values: Mapping[str, Any]) -> bytes:
@@ -48,7 +48,7 @@ def decode(type_: RosType, data: bytes) -> dict[str, Any]:
     return found
 
 
-# ---- where each number of a message lies
+# ---- places of a message's numbers
 
 Steps = tuple[str | int, ...]
 

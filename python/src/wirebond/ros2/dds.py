@@ -47,7 +47,7 @@ from wirebond.seldom import Seldom, and_more
 
 _ANY = SampleState.Any | ViewState.Any | InstanceState.Any
 _AT_ONCE = 256  # messages that one call takes
-_LOOK_EVERY = 1.0  # seconds between two looks for subscribers and publishers with another quality of service
+_LOOK_EVERY = 1.0  # seconds between two checks for subscribers and publishers with another quality of service
 _GATHER = 0.001  # seconds that messages may wait for others at a high rate
 _WAKE = duration(milliseconds=100)  # how long the end of the node may have to wait
 _logger = logging.getLogger("wirebond.ros2")
@@ -149,7 +149,7 @@ class DdsNode:
         self._topics: dict[str, Topic[Any]] = {}
         self._readers: list[_Reader] = []
         self._publishers: list[DdsPublisher] = []
-        self._told: dict[int, int] = {}  # mismatches by endpoint that were told
+        self._told: dict[int, int] = {}  # reported mismatches, by endpoint
         self.undecodable: Counter[str] = Counter()
         self.failure = Failure()
         self.stalls = Stalls()

@@ -55,7 +55,7 @@ class Failure:
             return
         with self._lock:
             self.why = self.why or f"{what} failed: {type(error).__name__}: {error}"
-        # Only then: where standard error lies on a full disk, this raises.
+        # Only then: if standard error is a file on a full disk, this raises.
         with contextlib.suppress(OSError, ValueError):
             traceback.print_exception(error)
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from wirebond.link.tap import Tap
     from wirebond.ros2.commands import Commands
 
-_TAP_BYTES = 1 << 20  # that wait for the next look: 2 s of both directions at 2 Mbaud
+_TAP_BYTES = 1 << 20  # that wait for the next read: 2 s of both directions at 2 Mbaud
 
 
 def can_hold_back(model: Protocol) -> bool:

@@ -92,7 +92,7 @@ class Odometry:
         return {"z": math.sin(self.heading / 2), "w": math.cos(self.heading / 2)}
 
 
-_NEVER = 1e6  # the variance of what wheels cannot tell, as filters such as robot_localization expect it
+_NEVER = 1e6  # the variance of values that wheels cannot measure, as filters such as robot_localization expect it
 _STILL = 1e-9  # of the sideways speed: wheels do not slip sideways
 
 

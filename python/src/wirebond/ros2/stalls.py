@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-_OLDEST = 0.5  # seconds that a message may have waited; a look takes place ten times a second
-_SETTLE = 1.0  # seconds after a stall in which the middleware still gives what waited
+_OLDEST = 0.5  # seconds that a message may have waited; it is checked ten times a second
+_SETTLE = 1.0  # seconds after a stall in which the middleware still delivers queued messages
 
 
 class Stalls:

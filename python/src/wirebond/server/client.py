@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from wirebond.server.owner import Owner
 
 MOST_WAITING = 2 << 20  # bytes for a client that does not read; then received messages are dropped for it, counted
-_MOST_IN_ALL = 8 << 20  # bytes; where so much waits of what a client must have, it is closed
+_MOST_IN_ALL = 8 << 20  # bytes; a client is closed if this much waits of messages that must not be dropped
 _NAME_CHARACTERS = 80
 
 
@@ -34,13 +34,13 @@ class Client(asyncio.Protocol):
         self.name = ""
         self.wants = "none"
         self.silent_ticks = 0  # of the server, before it has said who it is; a stall of the server is one of them
-        self.is_remote = False  # behind TCP
+        self.is_remote = False  # connected by TCP
         self.is_too_many = False
         self.is_gone = False  # it has said so
-        self.lost = 0  # messages that it did not get, and was not told of
+        self.lost = 0  # messages that it did not get, not reported to it yet
         self.replies: set[int] = set()  # offsets of messages that answer its requests, and are on their way to it
         self.leases: dict[tuple[int, int], float] = {}  # until when, by message and address
-        self.moved: set[tuple[int, int]] = set()  # what its commands moved, by message and address
+        self.moved: set[tuple[int, int]] = set()  # messages and addresses that its commands moved
         self.questions: dict[int, Any] = {}  # by the number of the request
         self.taps: dict[int, int] = {}  # by number, how many bytes may wait in each
         self.waiting_for_disk = 0  # requests

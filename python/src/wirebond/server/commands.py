@@ -182,7 +182,7 @@ class Commands:
         moved = alive | client.moved
         client.leases.clear()
         client.moved.clear()
-        self._link.internals.inbox.requests.settle()  # a command of this client would leave behind its safe value
+        self._link.internals.inbox.requests.settle()  # a command of this client must not leave after its safe value
         for key in sorted(moved):
             if not self._link.internals.engine.end_if_moved(*key) and key in alive:
                 self._link.internals.engine.stop_repeating(*key)
@@ -295,7 +295,7 @@ class Commands:
             case words.Ask():
                 return self._look(request.what)
             case words.Stop():
-                self._server.stop.stop(client)  # first: it is what ends the motion
+                self._server.stop.stop(client)  # first, because it ends the motion
                 self._server.stopped()
             case words.ReleaseStop():
                 self._must_be_new(request)

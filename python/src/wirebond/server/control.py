@@ -65,7 +65,7 @@ class ControlBook:
     def __init__(self) -> None:
         self.ticks = Ticks()
         self.holder: Hashable | None = None
-        self.released_by: str | None = None  # the program that ended the emergency stop; nobody was in control since
+        self.released_by: str | None = None  # the program that ended the emergency stop, until somebody takes control
         self._clients: dict[Hashable, _Client] = {}
 
     def add(self, client: Hashable, name: str, asks: bool, now: float) -> None:

@@ -36,8 +36,8 @@ from wirebond.system import HAS_UNIX_SOCKETS, is_unix_socket
 if TYPE_CHECKING:
     from wirebond.link import Link
 
-_LOOK_EVERY = 0.01  # seconds between two looks whether the holder of control is silent
-_STALL = 5 * _LOOK_EVERY  # seconds without a look: what sockets bring then may be old
+_LOOK_EVERY = 0.01  # seconds between two checks whether the holder of control is silent
+_STALL = 5 * _LOOK_EVERY  # seconds without a check: then bytes from sockets may be old
 _GATHER = 0.001  # seconds that received messages may wait for others, so that a client gets them in one piece
 MOST_CLIENTS = 256
 _BACKLOG = 32  # connections that are accepted before the loop does anything else
@@ -63,7 +63,7 @@ class Owner:
             raise UsageError("the token is empty, or has characters that cannot be printed; give letters and digits")
         self.link = link
         self.recordings = Recordings(link, recordings, self._tell_recording)
-        self.disk = ThreadPoolExecutor(1, "recordings of a server")  # what waits for the disk
+        self.disk = ThreadPoolExecutor(1, "recordings of a server")  # runs work that waits for the disk
         self.path = None if path is None else os.fspath(path)
         self.token = secrets.token_urlsafe(16) if tcp is not None and token is None else token
         self.book = ControlBook()
@@ -129,7 +129,7 @@ class Owner:
         nothing."""
         if self.loop.is_closed() or not self._thread.is_alive():
             return
-        with contextlib.suppress(RuntimeError):  # it ended meanwhile
+        with contextlib.suppress(RuntimeError):  # it has ended
             self.loop.call_soon_threadsafe(self._end)
         self._thread.join(_PATIENCE)
         self.disk.shutdown(cancel_futures=True)
@@ -138,7 +138,7 @@ class Owner:
             with contextlib.suppress(OSError):
                 Path(self.path).unlink()
 
-    # ---- what comes from the link, in its thread
+    # ---- called by the link, in its thread
 
     def _relay(self, messages: list[Message], answers: list[Message], changes: list[tuple[str, int, int]]) -> None:
         with self._came_lock:

@@ -12,7 +12,7 @@ MOST = 128  # connections of strangers at a time: more than are accepted before 
 WITHIN = 2.0  # seconds in which a stranger must say something
 LOOKS = 8  # at those who say nothing, in that time. Time in which the server itself stood still counts as one of them
 DELAY = 1.0  # seconds that a token waits for its answer, after a wrong one from the same address
-LONG = 20  # characters of a token that nobody guesses, however many tries a second there are
+LONG = 20  # characters of a token that cannot be guessed, however many attempts a second are made
 _REMEMBER = 60.0  # seconds that a wrong token counts
 _MOST_ADDRESSES = 1024
 
@@ -28,7 +28,7 @@ class Strangers(Generic[_T]):
 
     def __init__(self, most: int = MOST) -> None:
         self._most = most
-        # In the order of activity. True: makes way for nobody; False: goes first.
+        # In the order of activity. True: is never displaced; False: is displaced first.
         self._stay: dict[_T, bool | None] = {}
 
     def __len__(self) -> int:

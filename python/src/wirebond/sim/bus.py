@@ -18,7 +18,7 @@ from typing import Self
 from wirebond.sim.pty_port import PtyPort, set_raw
 from wirebond.system import NOT_OUR_TERMINAL, WITHOUT_WAITING
 
-_TICK = 0.05  # seconds between looks at whether it ends
+_TICK = 0.05  # seconds between checks whether it shall end
 
 
 class Bus:

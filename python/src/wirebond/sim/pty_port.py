@@ -21,9 +21,9 @@ with contextlib.suppress(ImportError):  # Windows has none
     import termios
     import tty
 
-_LOOK = 0.02  # seconds between two looks for a program
-_SET_UP = 25  # looks at a program that sets up its port
-_TICK = 0.002  # seconds between looks at the schedule
+_LOOK = 0.02  # seconds between two checks for a program
+_SET_UP = 25  # checks while a program sets up its port
+_TICK = 0.002  # seconds between checks of the schedule
 
 
 class PtyPort:
@@ -33,9 +33,9 @@ class PtyPort:
     """
 
     def __init__(self) -> None:
-        # The keeper keeps the line alive while nobody has it open.
+        # The keeper keeps the line alive while no program has it open.
         self._controller, self._keeper, self.path = _raw_pty()
-        self.lost_bytes = 0  # nobody read: the line has no flow control, as a UART has none
+        self.lost_bytes = 0  # no program read them: the line has no flow control, as a UART has none
 
     def read(self, timeout: float) -> bytes:
         ready, _, _ = select.select([self._controller], [], [], timeout)
@@ -130,7 +130,7 @@ def run(mcu: VirtualMcu, port: PtyPort, until: float, on_event: Callable[[str], 
     while (now := time.monotonic()) < until:
         data = port.read(min(_TICK, until - now))
         if mcu.codec.model.link.echo:
-            port.write(data)  # the line brings back what the host sends
+            port.write(data)  # the line echoes the host's bytes
         port.write(mcu.feed(data, time.monotonic()))
         port.write(mcu.tick(time.monotonic()))
         for event in mcu.events:
@@ -150,7 +150,7 @@ def symlinked(target: str, link: Path | None) -> Iterator[str]:
                 f"{link} leads to {link.readlink()}, which another program serves; end that one, name another link, or "
                 "remove this one"
             )
-        link.unlink()  # left behind by a simulation that was killed
+        link.unlink()  # left by a simulation that was killed
     try:
         link.symlink_to(target)
     except OSError as error:

@@ -72,7 +72,7 @@ class VirtualMcu:
     codec: Codec
     start: float
     addresses: tuple[int | str, ...] = ()  # of the devices that it plays; empty: any that is asked
-    behaviour: Behaviour | None = None  # what a user's script adds
+    behaviour: Behaviour | None = None  # added by a user's script
     clock_drift: float = 0.0  # parts per million by which its clock is fast
     events: list[str] = field(default_factory=list)  # sentences for the operator; the caller empties it
     foreign: int = 0  # frames for an address that it does not play
@@ -95,7 +95,7 @@ class VirtualMcu:
         self._hello_due = model.service("hello") is not None
         self._waiting: deque[bytes] = deque()  # frames
         self._silent_until = self.start
-        self._told_rejected: set[str] = set()  # messages of which it was told, and none came since that acted
+        self._told_rejected: set[str] = set()  # messages that were reported, of which none has acted since
         self._told_held_back: set[str] = set()
         self._host_differs = False  # by its hello
         self._numbers: Counter[str] = Counter()  # the next sequence number, by message, or of all
@@ -385,7 +385,7 @@ class VirtualMcu:
     def _encoded(self, name: str, values: dict[str, Any], header: dict[str, Any]) -> bytes:
         try:
             return self._frame(name, values, header)
-        except MessageError as error:  # what is made up has no mistakes
+        except MessageError as error:  # a generated message has no mistakes
             raise error if self.behaviour is None else self.behaviour.mistake(error) from None
 
     def _frame(self, name: str, values: dict[str, Any], header: dict[str, Any]) -> bytes:

@@ -149,7 +149,7 @@ def _cobs(protocol: Protocol, form: Form, messages: list[Message]) -> float:
             sizes = [_sizes(form, message) for message in messages]
             fits = sum(least <= payload <= greatest for least, greatest in sizes) * _chance(form.id)
         total += (255 / 256) ** length * valid[length] * fits
-    return total / 256 / 256  # a zero before it and one behind
+    return total / 256 / 256  # a zero before it and one after it
 
 
 # ---- the finding

@@ -38,7 +38,7 @@ def measure_inserted_zero(codec: Codec, seed: int) -> InsertedZero | None:
     Under COBS that is one byte 0x01 on the wire; a delimiter whose lowest bit flips has the same effect.
     """
     frame_format = codec.model.format
-    if not frame_format.stuffing.hides_delimiters or frame_format.is_sized:  # there the length tells of one byte more
+    if not frame_format.stuffing.hides_delimiters or frame_format.is_sized:  # there the length shows an additional byte
         return None
     zero = _stuffed_zero(frame_format)
     opening = len(frame_format.opening or b"")

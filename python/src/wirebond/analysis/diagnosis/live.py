@@ -9,8 +9,8 @@ from wirebond.analysis.diagnosis.finding import Diagnosis, Kind
 from wirebond.analysis.diagnosis.line import diagnose
 from wirebond.link import Link
 
-_EVERY = 2.0  # seconds between two looks; a look takes a second where much is wrong
-_RECENT = 5.0  # seconds that a look goes back
+_EVERY = 2.0  # seconds between two checks; one takes a second if much is wrong
+_RECENT = 5.0  # seconds of the past that are checked
 
 
 class LiveDiagnosis:
@@ -22,7 +22,7 @@ class LiveDiagnosis:
         self._thread: threading.Thread | None = None
         self._looked: list[Diagnosis] | None = None
         self._found: list[Diagnosis] = []
-        self._was_healthy = True  # in the last look
+        self._was_healthy = True  # in the last check
         self._told: set[Kind] = set()
 
     def found(self) -> list[Diagnosis]:

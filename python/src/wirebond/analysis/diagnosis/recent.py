@@ -7,8 +7,8 @@ import itertools
 from wirebond.link import Dump
 from wirebond.link.dump import Piece
 
-_STATES = ("port_up", "port_down")  # which last, other than what happened at a moment
-_QUESTIONS = 1.0  # seconds of what was sent that are kept beside: replies may need their request
+_STATES = ("port_up", "port_down")  # which last, other than momentary events
+_QUESTIONS = 1.0  # seconds of sent bytes that are kept as well: replies may need their request
 
 
 def recent(dump: Dump, seconds: float) -> Dump:

@@ -18,7 +18,7 @@ class Verdict(StrEnum):
     """Worst first."""
 
     BREAKS = "breaks"  # somewhere a frame is lost, refused, or read as other values
-    COMPATIBLE = "compatible"  # the bytes or what they mean changed, and both ends still understand each other
+    COMPATIBLE = "compatible"  # the bytes or their meaning changed, and both ends still understand each other
     HARMLESS = "harmless"  # no byte of the wire changed
 
     @property

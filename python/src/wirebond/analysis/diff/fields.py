@@ -280,7 +280,7 @@ def _other_bound(most: int, next_most: int, noun: str, where: Where) -> Change:
             effects.append(
                 Effect(
                     sides.flow,
-                    not sides.flow.from_new,  # what was added can wait
+                    not sides.flow.from_new,  # additions can wait
                     f"the {sides.receiving} does not act on a message with more than {read} {noun}",
                 )
             )
@@ -321,7 +321,7 @@ def _bit_field_changes(a: Field, b: Field, where: Where) -> Iterator[Change]:
         if name in after:
             continue
         if any(_meet(run, later) for later in after.values()):
-            continue  # told of the field that stands there
+            continue  # reported for the field that is there now
         effects = [zeros_or_ignored(sides, name, is_new=False) for sides in where.routes]
         place = (*where.place, "bits", "fields", name)
         yield changed(f"{where.path}.{name}", "is gone; its bits are free", effects, place=place, gone=True)
@@ -334,7 +334,7 @@ def _other_width(a: Field, b: Field, where: Where) -> Change:
         sent, read = (b, a) if sides.flow.from_new else (a, b)
         if sent.width > read.width:
             sentence = f"the {sides.receiving} reads only {read.width} bits of it"
-            effects.append(Effect(sides.flow, not sides.flow.from_new, sentence))  # what was added can wait
+            effects.append(Effect(sides.flow, not sides.flow.from_new, sentence))  # additions can wait
     return changed(where.path, f"{a.width} bits became {b.width}", effects, place=where.place)
 
 

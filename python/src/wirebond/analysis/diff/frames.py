@@ -104,7 +104,7 @@ def _parts(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterator[Change
                 continue
             if others[sides.flow] and (only is None or _loses_others(sent or old, read or old, sides.flow.sender)):
                 told.add(sides.flow)
-                effects.append(Effect(sides.flow, not sides.flow.from_new, others[sides.flow]))  # what is new can wait
+                effects.append(Effect(sides.flow, not sides.flow.from_new, others[sides.flow]))  # additions can wait
             if miscounts(sides) and (only is None or miscounts(_with(sides, only))):
                 effects.append(Effect(sides.flow, False, miscounts(sides)))
         place = ("frame", step.c if step.d > step.c else step.a)
@@ -172,7 +172,7 @@ def _with_step(old: Protocol, new: Protocol, step: _Step) -> Protocol | None:
     if sum(part.kind == PartKind.PAYLOAD for part in parts) != 1:
         return None
     made = replace(old.format, parts=tuple(parts))
-    if made.is_sized and made.parts[0].kind != PartKind.MAGIC:  # nothing would tell where a stuffed frame begins
+    if made.is_sized and made.parts[0].kind != PartKind.MAGIC:  # otherwise nothing marks where a stuffed frame begins
         return None
     fields = {field.name for field in header_fields(made.parts)}
     if any(m.of == MatchOf.HEADER and m.name not in fields for message in old.messages for m in message.match):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from wirebond.analysis.diff.change import Effect, Sides
 from wirebond.protocol.model import Field
 
-Tail = Callable[[Sides, str], Effect]  # what it means that payloads differ in size at their end, for these fields
+Tail = Callable[[Sides, str], Effect]  # the effect of payloads that differ in size at their end, for these fields
 Fields = tuple[Field, ...]
 
 

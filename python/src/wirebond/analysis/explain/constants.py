@@ -16,7 +16,7 @@ class FoundConstant:
     path: str
     holds: bool
     expected: str
-    text: str  # what the payload has
+    text: str  # its value in the payload
 
 
 def constants_of(message: Message, payload: bytes) -> list[FoundConstant]:
@@ -31,7 +31,7 @@ class _Walk:
     payload: bytes
     at: int = 0
     found: list[FoundConstant] = field(default_factory=list)
-    misplacing: list[FoundConstant] = field(default_factory=list)  # counts behind which no constant has its place
+    misplacing: list[FoundConstant] = field(default_factory=list)  # counts after which no constant has its place
 
     def read(self, steps: tuple[Step, ...], path: str) -> None:
         numbers: dict[str, int] = {}
@@ -58,7 +58,7 @@ class _Walk:
 
     def _skip(self, step: List | Characters, numbers: dict[str, int], path: str) -> None:
         unit = step.stride if isinstance(step, List) else 1
-        for told in step.told[:1]:  # what reaches to the end is the last, and has none
+        for told in step.told[:1]:  # a count of the payload's rest is the last one, and has none
             number = numbers[told.name]
             self.at += unit // told.per * number
             if number % told.per and number <= step.field.max_wire_bytes:

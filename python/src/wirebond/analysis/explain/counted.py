@@ -38,7 +38,7 @@ def bound_by_counts(message: Message, payload: bytes) -> CountedBound | None:
 @dataclass
 class _Walk:
     payload: bytes
-    at: int | None = 0  # None: behind something whose size no count tells
+    at: int | None = 0  # None: after something whose size no count gives
     used: int = 0  # counts
     counts: dict[str, int] = field(default_factory=dict)
 

@@ -100,7 +100,7 @@ class _Examination:
     rules: list[Rule] = field(default_factory=list)
     id: int | None = None
     message: Message | None = None
-    told: Told | None = None  # what tells its message
+    told: Told | None = None  # identifies its message
     payload: tuple[int, int] | None = None
     parts: tuple[Part, ...] = field(init=False)
 
@@ -301,7 +301,7 @@ class _Examination:
         beside = counted_beside_payload(parts, index)
         size = number * part.length_unit - beside
         expected = f"{max(0, beside)} to {(most + beside) // part.length_unit}"
-        if self.protocol.format.length_on_wire:  # it counts what stuffing adds, too
+        if self.protocol.format.length_on_wire:  # it counts the bytes that stuffing adds, too
             longest = max(shape.outside for shape in shapes_of(self.protocol, self.sender))
             most += self.protocol.format.overhead(most + longest)
         holds = 0 <= size <= most

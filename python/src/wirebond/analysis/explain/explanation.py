@@ -32,7 +32,7 @@ from wirebond.errors import UsageError
 from wirebond.protocol.meaning.messages import spoken
 from wirebond.protocol.model import End, Part, Protocol
 
-MOST_BYTES = 4096  # or one largest frame: what is more is for `decode`
+MOST_BYTES = 4096  # or one largest frame: more is for `decode`
 
 
 def explain(

@@ -45,7 +45,7 @@ _QUICK_SEARCHES = LEAST_SAMPLES
 MOST_GUESSES = 2
 LEAST_PLAUSIBLE = 0.3
 _MOST_JUDGED = 48  # guesses that are tried on all the bytes
-_CHANCE = 0.05  # what fits some frames of many must be less likely by chance
+_CHANCE = 0.05  # maximum chance of a guess that fits only some of many frames
 # Bytes that one search may examine. Some 5 million take a second; a frame of 64 bytes needs a fifth of it.
 BUDGET_BYTES = 5_000_000
 _FIXED_COST_BYTES = 150  # of an examination, beside its bytes
@@ -84,7 +84,7 @@ _FAMILIES = (  # if two fit equally well, the first in this list is shown first
     _Family(0.02, check.all_algorithms_and_ranges, Changes.CHECK),
     _Family(0.02, damage.lost_byte, Changes.NOTHING),
 )
-# Once the constants are taken as they stand, what else may differ.
+# Further differences, once the constants are taken as received.
 _WITH_OTHER_CONSTANTS = tuple(replace(one, prior=one.beside) for one in _FAMILIES if one.beside is not None)
 
 
@@ -182,7 +182,7 @@ class _Hit:
     reading: str
     tried: int
     values: int
-    keeps_stream: bool  # what it changes are this candidate's bytes
+    keeps_stream: bool  # it changes only bytes of this candidate
 
     @property
     def advice(self) -> str:
@@ -311,9 +311,9 @@ def _worth_telling(found: list[tuple[float, FittingGuess]]) -> tuple[FittingGues
     # A check that holds as the file has it is no reason to change it.
     surest = min((g.chance for g in plausible if g.chance is not None and g.changes != Changes.CHECK), default=1.0)
     told = [g for g in plausible if g.changes != Changes.CHECK or g.chance is None or g.chance < surest]
-    if told and told[0].fits > 1:  # what explains many frames is no accident of one of them
+    if told and told[0].fits > 1:  # an explanation of many frames is no accident of one of them
         told = [g for g in told if g.fits > 1 or g.chance is None]
-    if any(guess.reading for guess in told):  # what gives the bytes a meaning is nearer than what gives none
+    if any(guess.reading for guess in told):  # a guess that gives the bytes a meaning is nearer than one that does not
         told = [guess for guess in told if guess.reading or guess.chance is None]
     return tuple(told[:MOST_GUESSES])
 

@@ -276,7 +276,7 @@ def _check(context: Context) -> str:
     return f"{text}: holds" if holds else f"{text}: is {shown_check(part, expected)}"
 
 
-# ---- what a part has in every frame
+# ---- a part's bytes in every frame
 
 
 def _constant_content(protocol: Protocol, index: int) -> str:
@@ -327,7 +327,7 @@ def _always(text: str) -> Callable[[Protocol, int], str]:
     return lambda protocol, index: text  # noqa: ARG005  (as the others have it)
 
 
-# ---- what a receiver demands
+# ---- a receiver's demands
 
 
 def _length_rule(protocol: Protocol, number: str) -> str:

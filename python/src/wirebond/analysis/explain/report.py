@@ -59,7 +59,7 @@ class FittingGuess:
 
     what: str
     remedy: str
-    reading: str  # what the bytes then say; empty where they still say nothing
+    reading: str  # the meaning of the bytes with the change; empty if they still have none
     tried: int
     chance: float | None
     others: int = 0  # further guesses of the same kind that fit as well
@@ -92,7 +92,7 @@ class Stretch:
     header: dict[str, Any] = field(default_factory=dict)  # frames: the frame's own named fields
     faults: tuple[str, ...] = ()  # field rules that are broken; the frame is delivered all the same
     guesses: tuple[FittingGuess, ...] = ()
-    repaired: str = ""  # what the frame says if only its check values are wrong
+    repaired: str = ""  # the frame's meaning if only its check values are wrong
     tried: int = 0  # guesses
     searched_all: bool = True  # False: the search was cut short
 

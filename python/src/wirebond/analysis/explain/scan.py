@@ -43,7 +43,7 @@ class Candidate:
     end: int | None = None
     verdict: Verdict | None = None  # None: it failed before its parts could be looked at
     content: Unstuffed | None = None
-    reason: str = ""  # what is wrong, where there is no verdict
+    reason: str = ""  # why there is no verdict
 
 
 @dataclass

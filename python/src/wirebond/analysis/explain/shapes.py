@@ -50,9 +50,9 @@ class Shape:
     before: list[tuple[int, int]]  # where each part before the payload begins and ends
     prefix: int  # bytes before the payload
     outside: int  # bytes beside the payload
-    tells_late: bool  # the message: by what stands in the payload or behind it
+    tells_late: bool  # the message is identified by bytes of the payload or after it
     tells_id_early: bool  # before the payload's size is needed
-    constants: list[tuple[bytes, bytes] | None]  # of each part: what its bytes are, in the bits of these masks
+    constants: list[tuple[bytes, bytes] | None]  # of each part: its bytes, in the bits of these masks
     header_checks: list[int]
     checks: list[int]
 

@@ -18,7 +18,7 @@ class _Undoing:
 
     frame_format: FrameFormat
     data: bytes
-    starts: frozenset[int]  # what begins a frame stands nowhere within an escaped one
+    starts: frozenset[int]  # bytes that begin a frame are never within an escaped one
     out: bytearray = field(default_factory=bytearray)
     places: list[tuple[int, int]] = field(default_factory=list)
     added: list[tuple[int, str]] = field(default_factory=list)
@@ -117,7 +117,7 @@ def examine_sized(protocol: Protocol, data: bytes, sender: End | None) -> SizedV
         return refused(Cause.BAD_STUFFING, undoing.read + 1, undoing.reason)
     if not done:
         return incomplete(verdict)
-    while verdict.outcome == Outcome.INCOMPLETE and verdict.payload is None:  # a count among the fields tells the size
+    while verdict.outcome == Outcome.INCOMPLETE and verdict.payload is None:  # a count among the fields gives the size
         if not undoing.run(len(data), verdict.extent, None):
             if undoing.reason:
                 return refused(Cause.BAD_STUFFING, undoing.read + 1, undoing.reason)

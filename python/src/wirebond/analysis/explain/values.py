@@ -50,7 +50,7 @@ def read_fields(message: Message, payload: bytes) -> list[Reading]:
     """
     found: list[Reading] = []
     walk = _Walk(payload, max(0, len(payload) - message.min_payload))
-    with suppress(_CutOff):  # what is there is named; the rest is not all there
+    with suppress(_CutOff):  # the complete values are named; the rest is cut off
         walk.read_all(message.layout, found)
     return found
 

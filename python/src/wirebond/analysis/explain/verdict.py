@@ -33,7 +33,7 @@ class Question(StrEnum):
     """The question that a rule asks."""
 
     CONSTANT = "constant"
-    CONDITION = "condition"  # a `when` that the form stands for
+    CONDITION = "condition"  # a `when` of the form
     LENGTH = "length"
     MESSAGE = "message"
     MATCH = "match"  # which of the messages with its id it is

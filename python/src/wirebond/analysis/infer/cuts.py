@@ -25,12 +25,12 @@ Order = Literal["little", "big"]
 _LEAST_FRAMES = 8
 _LONGEST_START = 4  # bytes
 _MOST_STARTS = 10  # beginnings of each length that are looked at
-_DEEPEST = 8  # bytes behind the start in which the length may stand
+_DEEPEST = 8  # bytes after the start that may hold the length
 _MOST_BESIDE = 40  # bytes of a frame that its length does not count
 _MOST_FRAME = 4096
 _AHEAD = 4  # following starts in which the next frame may begin
 _VOTES = 0.25  # part of the starts that agree
-_LEAST_COVERED = 0.15  # part of the stream that lies in frames
+_LEAST_COVERED = 0.15  # part of the stream that is in frames
 _MOST_CUTS = 12
 _RULES = 10_000  # ways that are tried, about
 _CHANCE = 1e-3  # that one of them leads from start to start by accident
@@ -99,10 +99,10 @@ class Cut:
     the stream that lie in them."""
 
     rule: Rule
-    start: bytes  # what every frame begins with; empty between delimiters
+    start: bytes  # first bytes of every frame; empty between delimiters
     frames: tuple[bytes, ...]
     covered: int
-    tail: bytes = b""  # what every frame ends with
+    tail: bytes = b""  # last bytes of every frame
 
     @property
     def by_start(self) -> bool:
@@ -120,7 +120,7 @@ def cuts_of(data: bytes) -> list[Cut]:
     return unlike[:_MOST_CUTS]
 
 
-# ---- by what frames begin with ----
+# ---- by the first bytes of frames ----
 
 
 def _by_start(data: bytes) -> Iterator[Cut]:

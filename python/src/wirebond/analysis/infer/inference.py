@@ -15,7 +15,7 @@ from wirebond.errors import ProtocolFileError
 from wirebond.protocol import loads
 from wirebond.protocol.model import End, Protocol
 
-MOST_BYTES = 1 << 15  # that are looked at: some hundred frames tell as much as more
+MOST_BYTES = 1 << 15  # that are examined: some hundred frames show as much as more
 _ALIKE = 0.6  # part of the most evidence
 
 
@@ -91,7 +91,7 @@ def _natural(cut: Cut, data: bytes) -> tuple[bool, bool, int, int]:
 def _drafts(cut: Cut, name: str, source: str, sender: End) -> list[Draft]:
     numbers = [range(cut.rule.at + 1, cut.rule.at + cut.rule.size)] if isinstance(cut.rule, Length) else []
     check = best_check(cut.frames, len(cut.start), len(cut.tail), in_front=cut.by_start, whole=numbers)
-    if check is None and cut.tail:  # what seems to be a tail may be the end of every payload
+    if check is None and cut.tail:  # the apparent tail may be the end of every payload
         bare = Cut(cut.rule, cut.start, cut.frames, cut.covered)
         written = [*_drafts(bare, name, source, sender), draft(cut, None, name, source, sender)]
     else:

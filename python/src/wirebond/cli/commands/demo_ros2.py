@@ -21,7 +21,7 @@ from wirebond.ros2.serving import bridge_to, mapping_for
 from wirebond.server import Server
 from wirebond.sim import rover
 
-_LOOK = 0.1  # seconds between two looks at the rover and at the bridge
+_LOOK = 0.1  # seconds between two checks of the rover and of the bridge
 
 
 def run_for_ros(seconds: float | None, in_terminal: bool, open_browser: bool) -> int:

@@ -71,7 +71,7 @@ def _peers(path: Path, own: Protocol) -> list[Protocol]:
         try:
             peer = load_model(file)
         except ProtocolFileError:
-            continue  # not what the user asked about
+            continue  # not what the user asked for
         if peer != own:
             found.append(peer)
     return found

@@ -74,7 +74,7 @@ def decode_bytes(
 def _chunks(source: str) -> Iterator[bytes]:
     if source == "-":
         try:
-            while chunk := os.read(sys.stdin.fileno(), _CHUNK):  # what is there already, without waiting for more
+            while chunk := os.read(sys.stdin.fileno(), _CHUNK):  # available bytes, without waiting for more
                 yield chunk
         except OSError as error:
             raise WirebondError(

@@ -130,7 +130,7 @@ def _port_files(port: str, language: str, amalgamate: bool) -> dict[str, str]:
     files = port_files_in_c(port) if language == "c" else port_headers(port)
     if not amalgamate:
         return files
-    if language != "c":  # a port's headers lie beside each other as ever; the core is in each
+    if language != "c":  # a port's headers are side by side as before; the core is in each
         return {name: amalgamated(text, core_headers()) for name, text in files.items()}
     own = {name: text for name, text in files.items() if "/" not in name}
     return {name: amalgamated(text, core_headers() | port_headers(port)) for name, text in own.items()}
@@ -190,7 +190,7 @@ def _validate_folder(out: Path, amalgamate: bool) -> None:
             if not folder.is_dir():
                 raise UsageError(f"{folder} is a file; --out names a folder")
             break
-    if amalgamate and any((out / "wirebond").glob("*.hpp")):  # a port's headers lie in folders of their own
+    if amalgamate and any((out / "wirebond").glob("*.hpp")):  # a port's headers are in folders of their own
         raise UsageError(
             f"{out} has a generated folder, which cannot be included beside one header that has all; name another --out"
         )

@@ -14,7 +14,7 @@ from wirebond.cli.values import to_json
 
 _MOST_SHOWN = 4
 _MOST_MESSAGES = 6
-_APART = 0.05  # part of the bytes of two formats that lie in frames of both
+_APART = 0.05  # part of the bytes that are in frames of both formats
 
 
 def show(candidates: Sequence[Candidate], data: bytes, known: Known, line: str = "") -> None:

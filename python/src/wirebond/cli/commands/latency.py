@@ -65,7 +65,7 @@ def measure_latency(
             _wait_for_clock(link)
             end = math.inf if seconds is None else time.monotonic() + seconds
             measure(link, probe, measured, count=count, rate=rate, end=end, timeout=timeout, header=header)
-        except (KeyboardInterrupt, ReaderGone):  # what there is is shown
+        except (KeyboardInterrupt, ReaderGone):  # then the values so far are shown
             pass
         is_away = link.state == "down"
         if link.peer.state == "different":
@@ -103,7 +103,7 @@ def _wait_for_clock(link: Link) -> None:
         time.sleep(0.01)
 
 
-# ---- what is shown
+# ---- output
 
 
 def _series(measured: Measurement) -> dict[str, list[float]]:

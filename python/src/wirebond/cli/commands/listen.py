@@ -15,7 +15,7 @@ from wirebond.cli.signals import ended_by_signals
 from wirebond.cli.values import to_json
 from wirebond.link.listen import Listener, listen
 
-_LOOK = 0.1  # seconds between two looks at the ports
+_LOOK = 0.1  # seconds between two checks of the ports
 
 
 def listen_to_both(

@@ -19,7 +19,7 @@ from wirebond.link import Link, open_link
 from wirebond.protocol.model import End
 from wirebond.recording.recorder import Recorder
 
-_LOOK = 0.1  # seconds between two looks
+_LOOK = 0.1  # seconds between two checks
 _LINE = 10.0  # seconds between two lines where stderr is no terminal
 
 

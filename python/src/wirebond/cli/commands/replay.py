@@ -22,9 +22,9 @@ from wirebond.recording.recording import Recording
 from wirebond.recording.replay import Pace, Section
 from wirebond.sim.pty_port import PtyPort, symlinked
 
-_WAIT = 0.1  # seconds between two looks at a pty that is full
-_LOOK = 0.01  # seconds between two looks at what a program has read
-_PATIENCE = 200  # looks at a program that does not read; not a time, which a pause of the machine would use up
+_WAIT = 0.1  # seconds between two attempts to write to a full pty
+_LOOK = 0.01  # seconds between two checks how much a program has read
+_PATIENCE = 200  # checks of a program that does not read; not a time, which a pause of the machine would use up
 
 
 def section_of(speed: str, start: str | None, stop: str | None, loop: bool) -> Section:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from wirebond.ros2.failure import Failure
     from wirebond.ros2.mapping import BridgeMapping
 
-_LOOK = 0.2  # seconds between two looks at the port and at who is in control
+_LOOK = 0.2  # seconds between two checks of the port and of the holder of control
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ def main() -> None:
     """One job after the other."""
     seconds = int(sys.argv[1])
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what a library prints is no answer
+    os.dup2(2, 1)  # a library's prints are not part of the answer
     give_way(_NICE)
     _limit_memory()
     while True:

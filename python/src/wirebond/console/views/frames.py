@@ -28,7 +28,7 @@ class Frames(msgspec.Struct):
 
 class FramesView(SourceView[Frames]):
     wish = Frames
-    _sent: object = None  # what tells whether anything has changed
+    _sent: object = None  # shows whether anything has changed
 
     def moved(self) -> None:
         super().moved()

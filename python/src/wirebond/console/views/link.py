@@ -20,7 +20,7 @@ LINK_EVERY = 0.5  # seconds
 
 
 class LinkView(View[bool]):
-    _short: object = ()  # what a person wants to know at once, as it was sent last
+    _short: object = ()  # the state that a person wants to know at once, as it was sent last
 
     def round(self, scene: Scene) -> dict[str, Any] | None:
         served = scene.station.served

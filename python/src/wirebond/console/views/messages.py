@@ -33,7 +33,7 @@ class MessagesView(SourceView[Messages]):
     def __init__(self, wish: Messages) -> None:
         super().__init__(wish)
         self._next_sparks = 0.0
-        self._sent: object = None  # what tells whether anything has changed
+        self._sent: object = None  # shows whether anything has changed
 
     def look(self, source: Source, scene: Scene) -> dict[str, Any] | None:
         if not self._is_due(scene.now, self.wanted.every):
@@ -64,7 +64,7 @@ def _row(source: Source, end: End, name: str, now: float, at: float | None, with
     interval = history.interval(end, name)
     window = max(_LEAST_WINDOW, _WINDOW_INTERVALS * (interval or 0.0))
     first = history.first(end, name)
-    if first is not None:  # it began within the window: what is counted is of this time alone
+    if first is not None:  # it began within the window: the counts are of this time alone
         window = min(window, max(now - first, interval or 0.0, _SHORTEST_WINDOW))
     came = history.count_between(end, name, now - window, np.inf if at is None else np.nextafter(at, np.inf))
     row: dict[str, Any] = {

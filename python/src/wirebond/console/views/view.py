@@ -32,7 +32,7 @@ class Scene:
 class View(ABC, Generic[W]):
     """One view of one client, from when it wants it until it wants it otherwise or not at all. One thread at a time."""
 
-    wish: ClassVar[Any] = bool  # the type of what a client says; false and null: it does not want it
+    wish: ClassVar[Any] = bool  # the type of a client's wish; false and null: it does not want the view
 
     def __init__(self, wish: W) -> None:
         self.wanted = wish

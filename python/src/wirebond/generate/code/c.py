@@ -267,7 +267,7 @@ class ReceiverView:
     prefix: str  # of its functions
     workspace: int
     messages: tuple[MessageView, ...]
-    requests: tuple[MessageView, ...]  # whose replies nothing but they tell apart
+    requests: tuple[MessageView, ...]  # requests whose replies are identified only by them
     watch: DeadlinesView | None
     asked: tuple[MessageView, ...]  # requests, where the replies say whose they are
     listens: bool  # do frames say for whom they are?

@@ -33,7 +33,7 @@ class LinkView:
     functions: dict[str, str]
     macros: dict[str, str]
     default_bytes: dict[str, int]  # of the rings
-    poll_ms: int  # the default receive ring holds twice what comes in that time
+    poll_ms: int  # the default receive ring holds twice the bytes of that time
     received: tuple[MessageView, ...]
     scheduled: tuple[MessageView, ...]
     sent: tuple[tuple[MessageView, str], ...]  # with its function

@@ -45,7 +45,7 @@ class Names:
         assert not protocol_fault(protocol)
         self._prefix = protocol
         self._taken: set[str] = set()
-        self._tags: set[str] = set()  # of the structs behind the types
+        self._tags: set[str] = set()  # of the types' structs
 
     def claim(self, *words: str, suffix: str = "") -> str:
         """``claim("velocity", suffix="_t")`` is ``diffdrive_velocity_t``, unless that is taken.

@@ -131,7 +131,7 @@ class MessageView:
     every_us: int
     queue: str
     reply: int  # index of the message that answers it, or -1
-    match: tuple[str, ...]  # tests of what it is sent with, as initialisers
+    match: tuple[str, ...]  # tests of its sent values, as initialisers
     id_place: int | None  # place of the header field that has its id, where it has several
     types: list[list[str]]  # declared in it
     members: list[str]

@@ -49,11 +49,11 @@ class SourceView:
     sender: str
     receiver: str
     shapes: tuple[tuple[str, str], ...]  # id, shape
-    expected: tuple[tuple[int, str, str], ...]  # index, id, shape of the messages that only their request tells
+    expected: tuple[tuple[int, str, str], ...]  # index, id, shape of the messages that only their request identifies
     rules: tuple[RulesView, ...]
-    bounds_by_counts: bool  # is a payload refused that is longer than its counts tell?
-    counts_bytes: bool  # do the rules need to know that counts tell bytes, of elements or beside their number?
-    matches: tuple[tuple[list[str], str, str], ...]  # what a frame has, its shape, its message; those expected first
+    bounds_by_counts: bool  # a payload longer than its counts allow is refused
+    counts_bytes: bool  # some counts count bytes, of elements or beside their number
+    matches: tuple[tuple[list[str], str, str], ...]  # conditions of a frame, its shape, its message; replies first
     matches_late: bool
     structs: tuple[str, ...]
     latest: tuple[str, ...]  # of these, those of `queue: latest`
@@ -156,9 +156,9 @@ class EndView:
     name: str
     other: str
     title: str
-    mistakable: tuple[str, ...]  # structs of what it sends and would take for the other end's if it came back
+    mistakable: tuple[str, ...]  # structs of its own messages that, echoed, would be mistaken for the other end's
     knows_own_ids: bool  # of other messages that it sends the id says that they are its own
-    scheduled: tuple[str, ...]  # structs of what it sends by itself, with their namespace
+    scheduled: tuple[str, ...]  # structs of the messages that it sends by itself, with their namespace
     log_lines: tuple[str, ...]  # those of log lines, which leave half of the send queue to others
     holds_back_strangers: bool  # the commands of a host that has another protocol hash
     versions: VersionsView | None  # in which it answers; None: there is one

@@ -113,7 +113,7 @@ class AddressView:
 
     type_name: str
     most: str
-    receiver: tuple[int, str] | None  # place; what the sender sends where it is given nothing
+    receiver: tuple[int, str] | None  # place; the value that the sender sends by default
     broadcasts: tuple[str, ...]
     sender: tuple[int, str] | None
     asked: tuple[str, ...] | None  # of the MCU's frames that say whose they are: addresses that ask all MCUs

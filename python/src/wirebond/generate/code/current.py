@@ -9,7 +9,7 @@ from pathlib import Path
 
 from wirebond.generate.code.folder import PORTS, core_headers, port_headers
 
-_FIRST_LINES = 600  # characters of a generated file: its mark stands in the first line, or in the first docstring
+_FIRST_LINES = 600  # characters of a generated file: its mark is in the first line, or in the first docstring
 
 
 class Staleness(StrEnum):
@@ -63,7 +63,7 @@ def _left_behind(out: Path, files: Mapping[str, str], source: str) -> Iterator[P
             if any(f"{mark}{end}" in start for end in (",", ":")):
                 yield path
     if not any(name.startswith("wirebond/") for name in files):
-        return  # one amalgamated header, or a Python module: what lies there is another command's
+        return  # one amalgamated header, or a Python module: other files there are another command's
     known = {*core_headers(), *(name for port in PORTS for name in port_headers(port))}
     for path in (out / "wirebond").rglob("*"):
         if path.is_file() and path.relative_to(out).as_posix() not in known:

@@ -16,7 +16,7 @@ from wirebond.whole_file import write_whole
 # The ports that a firmware may be given. `fake` is for tests.
 PORTS = ("arduino", "bare_metal", "freertos", "gd32_spl", "posix", "stm32_hal", "stm32_ll", "usb_cdc")
 PORTS_IN_C = ("stm32_hal", "stm32_ll")
-_OF_VENDOR = {"stm32_hal": "stm32", "stm32_ll": "stm32"}  # what all ports of a vendor share, in a folder like theirs
+_OF_VENDOR = {"stm32_hal": "stm32", "stm32_ll": "stm32"}  # common to all ports of a vendor, in a folder like theirs
 TEMPLATES = Path(__file__).parent / "templates"
 
 

@@ -246,7 +246,7 @@ def _plain_type(spec: Field) -> str:
 
 
 def _comment(spec: Field) -> str:
-    return _docstring(member_comment(replace(spec, flags=())))  # its type tells the flags
+    return _docstring(member_comment(replace(spec, flags=())))  # its type shows the flags
 
 
 def _default(spec: Field, kind: str, inner: StructBlock | None) -> str:

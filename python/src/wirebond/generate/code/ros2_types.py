@@ -14,7 +14,7 @@ from wirebond.protocol.model.forms import header_fields
 from wirebond.protocol.names import code_name, identifier, type_name
 
 HEADER = "std_msgs/Header"
-STAMPED = "header"  # the member with the stamp, of what the MCU sends
+STAMPED = "header"  # the member with the stamp, of messages from the MCU
 FRAME = "frame_header"  # the member with the frame's own fields
 
 # The first words of packages that every ROS 2 has: `sensor` would be sensor_msgs.

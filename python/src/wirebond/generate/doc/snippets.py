@@ -147,7 +147,7 @@ def _c_between(name: str, low: int, high: int) -> str:
 
 
 _Number = Callable[[int, Algorithm], str]
-_Code = tuple[list[str], list[str], str]  # the loop's lines, those behind it, and the name of the result
+_Code = tuple[list[str], list[str], str]  # the loop's lines, those after it, and the name of the result
 
 
 def _mask(algorithm: Algorithm) -> int:

@@ -265,7 +265,7 @@ def _without_attributes(text: str, pack_by_line: dict[int, int | None], path: Pa
     bodies: list[Body] = []
     packed: set[int] = set()  # indices of bodies
     open_bodies: list[int | None] = []  # for each open brace its body
-    head = False  # behind `struct`, before its brace
+    head = False  # after `struct`, before its brace
     head_packed = False
     closed: int | None = None  # the body that was closed last in this declaration
     line = 1

@@ -80,7 +80,7 @@ class AttachedLink:
         self._calls: dict[int, _Call] = {}
         self._number = 0
         self._asking = threading.local()
-        self._messages: deque[Message | None] = deque()  # None: a reader takes what lies before it
+        self._messages: deque[Message | None] = deque()  # None: a reader takes the messages before it
         self._changes: deque[tuple[str, int, int] | None] = deque()  # likewise
         self._questions: dict[int, int] = {}  # by the offset of the reply
         self._dropped = 0
@@ -98,7 +98,7 @@ class AttachedLink:
         self._is_done = False
         self._leaves = threading.Event()
         self._wake = threading.Event()  # ends a wait for the server
-        self.answers: AttachedRequests | None = None  # until the link has its requests, nobody waits for replies
+        self.answers: AttachedRequests | None = None  # until the link has its requests, no program waits for replies
         try:
             self._connect()
         except PortError as error:
@@ -138,7 +138,7 @@ class AttachedLink:
         return bool(self._call(words.EndSafely(message=name, address=address)))
 
     def end_if_moved(self, message: int, address: int) -> bool:
-        return self.end_safely(message, address)  # the server does not tell what moved
+        return self.end_safely(message, address)  # the server does not report what moved
 
     def hand_over(self) -> None:
         self._call(words.HandOver())
@@ -530,7 +530,7 @@ class AttachedLink:
         """
         address = self._address
         began = time.monotonic()
-        # After a lost connection nobody drives before take_control().
+        # After a lost connection no program drives before take_control().
         found, accepted, splitter, rest = attach(address, "frames", asks=self.welcome is not None, name=self._name)
         welcome = accepted.ok
         ended = time.monotonic()

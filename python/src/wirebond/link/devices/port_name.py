@@ -67,7 +67,7 @@ def port_name(port: str | os.PathLike[str]) -> PortName:
             f"the port's name {text!r} has a byte that no port's name has; give a tty such as /dev/ttyUSB0"
         )
     if text.startswith("usb:"):
-        with suppress(PortError):  # it is not there now: what opens it says so
+        with suppress(PortError):  # it is not there now; opening it will say so
             resolve(text)
         return PortName(text)
     if text.startswith("replay:"):

@@ -76,7 +76,7 @@ def _opened(folder: Path) -> dict[str, str] | None:
             try:
                 found[number] = os.readlink(folder / number)  # noqa: PTH115 its text is wanted
             except FileNotFoundError:
-                continue  # closed meanwhile
+                continue  # closed in the meantime
     except FileNotFoundError:
         return {}  # it has ended
     except OSError:

@@ -21,7 +21,7 @@ class BitMembers:
     def __init__(self, node: Mapping, problems: Problems) -> None:
         self._node = node
         self._problems = problems
-        self._continued: dict[str, int] = defaultdict(int)  # bits of each value that stand elsewhere
+        self._continued: dict[str, int] = defaultdict(int)  # bits of each value that are elsewhere
 
     def read(self) -> list[Field]:
         """Those that are right; what is wrong with others has been reported. What continues another one is padding."""

@@ -13,7 +13,7 @@ from wirebond.protocol.text.check_grammar import Check
 from wirebond.protocol.text.yaml_tree import Mapping
 
 _CRC_ALONE = ("poly", "refin", "refout")
-_MOST_BITS = 32  # of what is no CRC, and of every check over words
+_MOST_BITS = 32  # of other checks than CRCs, and of all checks over words
 _FEWEST_CRC_BITS = 3
 _BYTE = 8  # bits
 
@@ -92,7 +92,7 @@ class _Reader:
         elif kind == CheckKind.FLETCHER and width not in (8, 16, 32):
             self._wrong(place, "Fletcher's two sums have 8, 16 or 32 bits together; write one of these")
 
-    # ---- what is said on top of it
+    # ---- changes to the algorithm in the file
 
     def _validate_options(self, base: Algorithm) -> None:
         """Refuse options that this kind of check does not have."""

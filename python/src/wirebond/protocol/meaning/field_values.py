@@ -131,7 +131,7 @@ def _fit_number(field: Field, value: Fraction) -> tuple[float | int | None, str]
     lowest, highest = value_limits(field)
     if field.minimum is not None and field.maximum is not None:
         lowest, highest = max(lowest, Fraction(field.minimum)), min(highest, Fraction(field.maximum))
-        # The bounds were decimals: what equals one as a double is inside.
+        # The bounds were decimals: a value that equals one as a double is inside.
         value = min(max(value, lowest), highest) if float(value) in (field.minimum, field.maximum) else value
     if not lowest <= value <= highest:
         limits = f"from {number_text(lowest)} to {number_text(highest)}"

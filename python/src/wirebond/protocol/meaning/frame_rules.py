@@ -36,7 +36,7 @@ def validate_whole(draft: Draft, place: Place, wrong: Wrong) -> None:
     length = draft.length_part
     if length is None:
         return
-    longest = min(form.most_payload for form in forms)  # of each form: its own length must tell an empty payload
+    longest = min(form.most_payload for form in forms)  # of each form: its own length must allow an empty payload
     at = draft.places[parts.index(length)]
     shortest = max(form.length_bias for form in forms)  # of the form with the fewest parts beside the payload
     if length.length_unit > 1 and draft.payload.trims_zeros:

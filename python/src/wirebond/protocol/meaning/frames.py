@@ -262,7 +262,7 @@ class _FrameReader:
                 self._wrong(node.value_place("name"), f"another part is named `{syntax.name}`; take another name")
         return names
 
-    # ---- which part may stand where ----
+    # ---- places of the parts ----
 
     def _with_conditions(self, parts: list[Part], inner: list[tuple[PartSyntax, Mapping]]) -> list[Part]:
         """Return the parts with the conditions under which they are there."""

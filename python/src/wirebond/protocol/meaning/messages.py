@@ -222,9 +222,9 @@ def validate_ids(messages: Messages, id_bits: int, with_id: set[End], without_id
                     "same `seed`",
                 )
                 break
-            if message.name in replies:  # its request tells it
+            if message.name in replies:  # its request identifies it
                 continue
-            if other.name in replies:  # and this one is what is meant without a request
+            if other.name in replies:  # and this one is meant if there was no request
                 taken[end, id_key(message)] = entry
                 continue
             where = f"line {other.place.line}"

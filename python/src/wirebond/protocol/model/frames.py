@@ -220,7 +220,7 @@ class Part:
     algorithm: Algorithm | None = None
     ranges: tuple[tuple[int, int], ...] = ((0, 0),)  # check: first and last part of each range, in its order
     shift: int = 0  # check: value on the wire = check >> shift
-    seeded: bool = False  # check: the message's seed is counted behind the range
+    seeded: bool = False  # check: the message's seed is counted after the range
     in_bits: Bits | None = None  # check: its run in the part before it
     as_hex: bool = False  # check: sent as hex digits, ``size`` of them
     as_decimal: bool = False  # check: sent as decimal digits, without leading zeros; ``size`` is that of its number
@@ -266,7 +266,7 @@ class Stuffing(StrEnum):
     ESCAPE = "escape"  # by an escape byte: see ``Escapes``
     HEX = "hex"  # each byte as two hex digits
     HEX_AFTER_DIGIT = "hex_after_digit"  # the same, but the first byte as one digit: it is below 16
-    INSERTION = "insertion"  # a byte behind each place where a sequence stands: see ``Insertion``
+    INSERTION = "insertion"  # a byte after each occurrence of a sequence: see ``Insertion``
     DECIMAL_CHECK = "decimal_check"  # the check at the end in decimal digits, and all other bytes as they are
 
     @property
@@ -307,13 +307,13 @@ class FrameFormat:
     parts: tuple[Part, ...]
     max_payload: int
     deliver_unknown: bool
-    delimiter: bytes | None = None  # behind a frame
+    delimiter: bytes | None = None  # after a frame
     stuffing: Stuffing = Stuffing.NONE
     opening: bytes | None = None  # delimiter before a frame; None: only its end is marked
     escapes: Escapes | None = None
     insertion: Insertion | None = None
     ends_by_silence: bool = False
-    is_strict: bool = False  # a candidate that failed behind its header is not looked through again
+    is_strict: bool = False  # a candidate that failed after its header is not searched again
     longest_sent: tuple[tuple[End, int], ...] = ()  # of each end, where the file has no `max_payload`
 
     def max_payload_from(self, sender: End | None) -> int:

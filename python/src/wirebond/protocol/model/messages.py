@@ -96,10 +96,10 @@ class Message:
     description: str = ""
     seed: int | None = None  # counted by the frame's seeded check, not sent
     queue: Queue = Queue.NORMAL
-    log: str | None = None  # the text that it stands for, `{field}` where a value is shown
+    log: str | None = None  # its text, with `{field}` for a value
     log_level: LogLevel = LogLevel.INFO
     has_id: bool = True  # False: `id` is 0, and of its sender's frames those without an id carry it
-    match: tuple[Match, ...] = ()  # what its frames have beside one id, or several ids
+    match: tuple[Match, ...] = ()  # conditions of its frames other than one id, or several ids
 
     @property
     def ids(self) -> Match | None:

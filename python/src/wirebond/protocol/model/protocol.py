@@ -49,7 +49,7 @@ class LinkSettings:
     stop_bits: float = 1
     max_run: float = 0.001  # seconds of line that one run of frames takes at most, unless it is a single frame
     max_age: float | None = None  # seconds; frames that waited longer expire
-    echo: bool = False  # an end hears what it sends
+    echo: bool = False  # an end receives its own bytes
     adapter_latency: float | None = None  # seconds that the host's port may hold bytes back; None: by its device
     on_mismatch: Mismatch = Mismatch.HOLD_BACK
 
@@ -96,7 +96,7 @@ class Deadline:
     after: float  # seconds
     then: str
     recover: Recover
-    recover_by: GivenMessage | None = None  # what the host sends to end an explicit one; None: the file does not say
+    recover_by: GivenMessage | None = None  # the host sends it to end an explicit one; None: not in the file
     start: Start = Start.READY
 
 

@@ -305,7 +305,7 @@ class GroupFieldSyntax(Syntax):
 
 
 _NESTED = ("bits", "struct", "group")
-_TAG = "field:"  # begins the union tags that pydantic puts into error locations; no key of a file looks so
+_TAG = "field:"  # begins the union tags that pydantic puts into error locations; no key of a file begins with it
 
 
 def _key(value: object) -> str:

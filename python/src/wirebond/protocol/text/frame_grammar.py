@@ -37,7 +37,7 @@ from wirebond.protocol.text.wording import Syntax
 from wirebond.protocol.text.yaml_tree import Number
 
 MAX_PARTS = 32
-_TAG = "part:"  # begins the union tags that pydantic puts into error locations; no key of a file looks so
+_TAG = "part:"  # begins the union tags that pydantic puts into error locations; no key of a file begins with it
 
 
 def _type_alone(value: object) -> object:

@@ -48,7 +48,7 @@ def _data_bits(value: object) -> int:
     return 8
 
 
-MAX_AGE = 30.0  # seconds: what the 16-bit millisecond stamp of a queued frame can tell, with room to look late
+MAX_AGE = 30.0  # seconds: range of the 16-bit millisecond stamp of a queued frame, with a margin for late reads
 
 
 def _max_age(seconds: float) -> float:

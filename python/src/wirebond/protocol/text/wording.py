@@ -18,7 +18,7 @@ class Syntax(BaseModel):
 
     #: What such a mapping is called in a sentence.
     noun: ClassVar[str] = "this mapping"
-    #: What may stand in its place, and `or` behind it.
+    #: Text for its place in a list of alternatives; `or` comes after it.
     short: ClassVar[str] = ""
 
     @model_validator(mode="wrap")
@@ -66,7 +66,7 @@ class Syntax(BaseModel):
             return PydanticCustomError(kind, "{sentence}", facts)  # worded already, further in
         if kind == "missing":
             return wrong(f"{cls.noun} needs `{key}`; {cls._advice(key)}", "wrong_key")
-        if kind == "extra_forbidden" and value is None and key.isdecimal():  # behind a comma
+        if kind == "extra_forbidden" and value is None and key.isdecimal():  # after a comma
             return wrong(f"`{key}` is not a key; write a decimal number with a point, such as `0.{key}`", "wrong_key")
         if kind == "extra_forbidden":
             return wrong(f"{quoted(key)} is not a key of {cls.noun}; {suggestion(key, cls.known_keys())}", "wrong_key")

@@ -159,7 +159,7 @@ def parse(text: str, problems: Problems) -> Node:
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         if error.context_mark is not None and any(word in (error.problem or "") for word in ("stream", "expected ':'")):
-            mark = error.context_mark  # what was never closed or has no colon, not where that was noticed
+            mark = error.context_mark  # where the bracket was opened, not where the fault was noticed
         place = WHOLE_FILE if mark is None else _place(mark)
         what = " ".join(part for part in (error.context, error.problem) if part)
         if misplaced := _misplaced_line(text, what, place):

@@ -42,7 +42,7 @@ class History:
                 if message is None or not message.sent_by(end):
                     continue
                 every = message.every
-                if every is None:  # the reply of what is asked in a rhythm comes in that rhythm
+                if every is None:  # replies to periodic requests come with their period
                     every = next((m.every for m in model.messages if m.reply == name and m.every is not None), None)
                 self._add_track(end, name, table["fields"], message.fields, every)
 

@@ -15,7 +15,7 @@ from wirebond.recording.history.source import ENDS, Source
 if TYPE_CHECKING:
     from wirebond.link import Link
 
-_EVERY = 0.02  # seconds between two looks
+_EVERY = 0.02  # seconds between two turns
 _QUIET = 0.1  # seconds: a read that began so long ago is in the tap
 
 

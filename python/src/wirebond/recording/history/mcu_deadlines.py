@@ -24,7 +24,7 @@ class _Watch:
     index: int  # of the file's deadlines
     rule: Deadline
     since: float | None = None  # when its silence began; None: not known
-    told: float | None = None  # the silence whose strike was told
+    told: float | None = None  # the silence whose strike was reported
 
     def has_struck(self, now: float) -> bool:
         return self.since is not None and now - self.since >= self.rule.after
@@ -43,7 +43,7 @@ class McuDeadlines:
             if rule.at == End.MCU:
                 self._watches.setdefault(rule.message, []).append(_Watch(index, rule))
         self._all = [watch for watches in self._watches.values() for watch in watches]
-        self._strikes: list[tuple[float, Deadline]] = []  # that nobody has taken
+        self._strikes: list[tuple[float, Deadline]] = []  # not taken yet
         self._enders = {watch.rule.recover_by.message for watch in self._all if watch.rule.recover_by is not None}
 
     def sent(self, tables: Mapping[str, Any], fields: Fields) -> None:

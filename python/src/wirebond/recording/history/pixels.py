@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from wirebond.recording.history.track import Array, Track
 
 GAP = 3.0  # intervals of a message, after which its absence is a gap
-BURST = 1 / 8  # of a silence: what comes so soon behind it was sent in it, and waited in an adapter or a buffer
+BURST = 1 / 8  # of a silence: bytes so soon after it were sent during it, and waited in an adapter or a buffer
 _WIDE = frozenset("iuf")
 
 

@@ -64,7 +64,7 @@ class Source:
         self.marks = Marks(None if keep is None else marks.MOST_KEPT)
         self.round_trips = RoundTrips()
         self.mcu_deadlines = McuDeadlines(codec.model)
-        self._lock = threading.RLock()  # of what is below, and of the streams
+        self._lock = threading.RLock()  # of the members below, and of the streams
         self._newest: dict[tuple[End, str], Newest] = {}
         model = codec.model
         self._replies = {m.name: m.reply for m in model.messages if m.reply is not None}

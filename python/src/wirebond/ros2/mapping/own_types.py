@@ -21,7 +21,7 @@ from wirebond.ros2.types import RosType, types_from
 _MOST_PLACES = 64  # elements of an array that are packed one by one; a longer one is packed as a whole
 
 _Convert = Callable[[Any], Any]
-_Placed = tuple[cdr.Steps, Filler]  # where in the type a value lies, and what gives it
+_Placed = tuple[cdr.Steps, Filler]  # where in the type a value is, and the function that gives it
 
 
 class OwnTypes:

@@ -55,7 +55,7 @@ def build(codec: Codec, mix: Mix, virtual: bool = True) -> Path:
     generated = folder / "generated"
     generate_cpp(codec.model, generated)
     write_whole(generated / "mix.hpp", header(codec, mix))
-    # The generated folder has the core but for what is the host's.
+    # The generated folder has the core without the host's part.
     includes = [generated, paths.sim() / "include", paths.sim() / "soak", paths.core_include(), paths.posix_include()]
     name, source = ("soak", "main.cpp") if virtual else ("soak-real-time", "real_time.cpp")
     return compile_once(Program("the soak", name, paths.sim() / "soak" / source, includes), folder)

@@ -11,7 +11,7 @@ from wirebond.protocol.model import End, Field, Message
 from wirebond.protocol.planning import plan_for
 from wirebond.sim.virtual_mcu import VirtualMcu
 
-SAMPLES = 64  # of each message: the running number begins again behind this many
+SAMPLES = 64  # of each message: the running number starts again after this many
 _STEP = 0.37  # seconds of the made-up values between two samples
 
 

@@ -47,7 +47,7 @@ class WireSettings(LineFaults):
     jitter: float = 0.0
     unplug: tuple[float, float] | None = None
     echo: bool = False
-    script: tuple[str, ...] = ()  # what `read_script` gives
+    script: tuple[str, ...] = ()  # result of `read_script`
 
     def arguments(self) -> list[str]:
         times = {"batch": self.batch, "jitter": self.jitter}

@@ -123,7 +123,7 @@ def _replaced(case: Case, failed: _Failed, part: Part) -> Guess | None:
     if not same_check(part, check_value(part, failed.covered(case.data, part.ranges), failed.seed), failed.found):
         return None
     protocol = with_part(case.protocol, case.parts, failed.index, part)
-    for index, other in enumerate(case.parts):  # whoever takes another algorithm takes it for every check
+    for index, other in enumerate(case.parts):  # a sender with another algorithm uses it for every check
         if other.kind == PartKind.CHECK and index != failed.index and other.algorithm == failed.part.algorithm:
             same = replace(other, algorithm=part.algorithm, order=part.order)
             protocol = with_part(protocol, case.parts, index, same)
@@ -201,7 +201,7 @@ def _with_itself_as_zeros(case: Case, failed: _Failed, around: Ranges) -> Guess 
         return None
     start, stop = failed.places[failed.index]
     held = check_value(failed.part, failed.covered(case.data), failed.seed)
-    repaired_data = case.data[:start] + held + case.data[stop:]  # so that the examination goes on behind this check
+    repaired_data = case.data[:start] + held + case.data[stop:]  # so that the examination continues after this check
 
     names = ranges_text(case.parts, around)
     shown = shown_check(failed.part, failed.found)

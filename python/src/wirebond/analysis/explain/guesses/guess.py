@@ -64,7 +64,7 @@ class Case:
         return rule.part if rule is not None and rule.question == Question.CHECK else None
 
 
-# A text, or how to make it once it is known what the bytes then are.
+# A text, or how to make it once the meaning of the bytes is known.
 Text = str | Callable[[Verdict], str]
 
 

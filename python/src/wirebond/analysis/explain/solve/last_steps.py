@@ -40,7 +40,7 @@ def last_steps(registers: Sequence[int], values: Sequence[int], width: int, *, f
     """
     if max(values) >> width:
         return None
-    # -n is ~n + 1: then the turned bits are the same before and behind the negation.
+    # -n is ~n + 1: then the same bits are inverted before and after the negation.
     numbers = {False: registers, True: [~register for register in registers]}
     all_steps = _Kind(plus=True, xors=(0, 1), mask=True, flips=flips)
     signs = [negate for negate in (False, True) if _Bits(numbers[negate], values, width, all_steps, None).may_be_found]

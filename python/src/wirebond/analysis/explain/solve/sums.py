@@ -127,7 +127,7 @@ def _with_beginning(
     every = (1 << width) - 1
     size = modulus or every
     beginnings = {0, 1}
-    for value, total in zip(values, totals, strict=True):  # as if nothing were added or turned behind it
+    for value, total in zip(values, totals, strict=True):  # as if nothing were added or inverted afterwards
         beginnings |= {(sign * (value ^ turn) - total) % size for sign in (1, -1) for turn in (0, every)}
     beginnings |= {(size - total % size) % size for total in totals}  # from here on this frame's sum wraps
     for init in sorted(beginnings, key=lambda init: (init != 0, init)):

@@ -29,7 +29,7 @@ def crc_by_trial(samples: Sequence[Sample], shape: Shape) -> Algorithm | None:
         polynomials = _candidates(width)
         if len({value & 1 for value in values}) > 1:
             polynomials = _with_lowest_bit(entering, values, polynomials, init, shape)
-        elif len(polynomials) > _MOST_UNFILTERED:  # the lowest bit is masked, and tells nothing
+        elif len(polynomials) > _MOST_UNFILTERED:  # the lowest bit is masked, so it does not help
             continue
         registers = [_registers(data, polynomials, width, init) for data in entering]
         for index, low in enumerate(polynomials):

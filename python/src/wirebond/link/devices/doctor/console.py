@@ -14,7 +14,7 @@ _WANTS = (  # units that systemd starts: its generator chose them from the kerne
     "/run/systemd/generator/getty.target.wants",
     "/etc/systemd/system/getty.target.wants",
 )
-_COMMAND_LINE_FILES = (  # where the kernel's command line stands, by boot loader
+_COMMAND_LINE_FILES = (  # files with the kernel's command line, by boot loader
     "/boot/firmware/cmdline.txt",  # Raspberry Pi
     "/boot/cmdline.txt",  # the same, older
     "/boot/extlinux/extlinux.conf",  # U-Boot: Jetson and others
