@@ -1,14 +1,14 @@
-// The numbers on an axis of values, and the room that they need.
+// The numbers on an axis of values, and their width.
 import { numberText } from "./protocol";
 
-const MOST_DIGITS = 6; // behind the point
+const MOST_DIGITS = 6; // after the point
 const MOST = 1e15; // from here on a number has more digits than a float knows
 const LEAST_ROOM = 64; // px: most numbers fit, so that plots over each other have the same left edge
 const ROOM_STEP = 16; // px: a plot does not change its width with each digit
 export const TICK = 4; // px, and so is the gap between the tick and its number
 const MARGIN = 3 * TICK;
 
-/** How many digits behind the point show this step as it is: 0.0025 has four. */
+/** Number of digits after the point that show this step exactly: 0.0025 has four. */
 function digitsOfStep(step: number): number {
   const least = Math.max(0, Math.ceil(-Math.log10(step) - 1e-9));
   return Math.abs(step * 10 ** least - Math.round(step * 10 ** least)) < 1e-6 ? least : least + 1;

@@ -1,4 +1,4 @@
-// What may be written at a place of a protocol file, by its JSON schema: keys where a key stands, values behind a colon.
+// Suggestions for a place of a protocol file, by its JSON schema: keys where a key belongs, values after a colon.
 interface Schema {
   properties?: Record<string, Schema>;
   additionalProperties?: Schema | boolean;
@@ -17,7 +17,7 @@ export interface Completion {
   description: string;
 }
 
-/** The keys around the line at `at`, outermost first, by the indentation of block YAML; and what is begun there. */
+/** The keys around the line at `at`, outermost first, by the indentation of block YAML, and the word begun there. */
 export function pathAt(text: string, at: number): { path: string[]; begun: string; isValue: boolean } {
   const before = text.slice(0, at);
   const lines = before.split("\n");

@@ -6,7 +6,7 @@ import type { LinkView, Row } from "./views";
 type Deadline = Protocol["deadlines"][number];
 export interface Hold {
   /** `held`: the robot ignores the message until it recovers. `silent`: it has stopped, and the next message ends that.
-   *  `unsure`: what happened before this link was opened decides. */
+   * `unsure`: events before this link was opened decide. */
   kind: "held" | "silent" | "unsure";
   deadline: Deadline;
   since: number | null; // the server's time
@@ -31,7 +31,7 @@ export interface Saying {
   message: string;
   t: number | null; // null: it never came
   words: string[]; // `errors: comm_timeout`
-  ask: Message | null; // what the host may send to get it
+  ask: Message | null; // the host may send it to get the value
 }
 
 /** What the robot says of its own state: the flags and enums of messages that come regularly or can be asked for. */

@@ -1,4 +1,4 @@
-// Which message a velocity pad drives, by which fields, and what a position of the pad means. It sends nothing.
+// Which message a velocity pad drives, by which fields, and the values of a position of the pad. It sends nothing.
 import type { Field, Message, Protocol } from "./protocol";
 
 export interface Axis {

@@ -2,11 +2,11 @@
 import type { Socket } from "./lasting";
 
 export interface Host {
-  /** There is no server: what only a server can do is not offered. */
+  /** There is no server: functions that need one are not offered. */
   readonly isPage: boolean;
   /** A connection to `attach` or `views`. */
   socket(path: "attach" | "views"): Socket;
-  /** As `fetch`, of a path beside the page. Rejects where nobody answers. */
+  /** As `fetch`, of a path beside the page. Rejects if there is no answer. */
   request(path: string, more: RequestInit): Promise<Response>;
 }
 

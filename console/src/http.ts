@@ -23,7 +23,7 @@ async function read<T>(response: Response): Promise<T> {
   try {
     sentence = said(JSON.parse(text) as object, "text") || sentence;
   } catch {
-    // not JSON: the status says what there is to say
+    // not JSON: the status is the only information
   }
   throw new Error(sentence);
 }

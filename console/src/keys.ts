@@ -1,4 +1,4 @@
-// Which key does what. One table: the handler and the list that `?` shows read it.
+// The keys and their actions. One table: the handler and the list that `?` shows read it.
 import type { ViewName } from "./place";
 
 export type Action = "stop" | "help" | "pause" | "theme" | "language" | "control" | "filter" | ViewName;

@@ -113,7 +113,7 @@ export class AttachLink {
     this.socket.connect();
   }
 
-  /** Ends the connection in order: the server sends the safe values of what this page repeated. */
+  /** Ends the connection in order: the server sends the safe values of this page's repeated messages. */
   end(): void {
     this.ended = true;
     if (this.phase === "attached") this.write({ do: "leave", id: this.next++ });
@@ -163,7 +163,7 @@ export class AttachLink {
     return this.ask(what, { ...keys, tick: this.tick });
   }
 
-  /** A request to the robot, and its reply. It goes out once more if it came too late, as what a person decides. */
+  /** A request to the robot, and its reply. It is sent once more if it came too late, like a person's decision. */
   request(message: string, fields: Record<string, unknown>, header?: Record<string, unknown>): Promise<Reply> {
     return this.onceMore(
       () => this.requestOnce({ message, fields, header, reply: REPLY_WITHIN }),
@@ -248,7 +248,7 @@ export class AttachLink {
         return;
       }
       const ok = message.ok as Welcome & { control: Partial<Told> & { is_own?: boolean } };
-      this.tick = message.tick as number; // of what is decided before the next one comes
+      this.tick = message.tick as number; // of decisions before the next one comes
       this.tickAt = this.now();
       this.socket.isGood();
       this.enter("attached", "");

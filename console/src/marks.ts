@@ -1,7 +1,7 @@
 // What is marked on a line of time: stops, losses of the port, deadlines, log lines, discarded bytes, marks of persons.
 import type { LinkEvent } from "./views";
 
-/** How a mark looks; the worst first. */
+/** The appearance of a mark; the worst first. */
 export const TONES = ["stop", "bad", "warn", "accent", "muted"] as const;
 export type Tone = (typeof TONES)[number];
 
@@ -30,7 +30,7 @@ export function toneOf(event: LinkEvent): Tone | null {
 /** Of little weight each: there may be very many. */
 export const isSmall = (event: LinkEvent) => event.kind === "discarded" || toneOf(event) === "muted";
 
-/** The marks with the news of the server: a discard of the same time and direction stands for the one before. */
+/** The marks with the server's news: a discard of the same time and direction replaces the one before. */
 export function joined(marks: readonly LinkEvent[], news: readonly LinkEvent[]): LinkEvent[] {
   const key = (mark: LinkEvent) => (mark.kind === "discarded" ? `${mark.t} ${mark.direction}` : null);
   const again = new Set(news.map(key));
@@ -38,7 +38,7 @@ export function joined(marks: readonly LinkEvent[], news: readonly LinkEvent[]):
   return [...(again.size ? marks.filter((mark) => !again.has(key(mark))) : marks), ...news];
 }
 
-/** Marks that lie too close to each other to be told apart, the heaviest first. */
+/** Marks too close to each other to be distinguished, the heaviest first. */
 export interface Group {
   t: number; // of the heaviest
   tone: Tone;

@@ -1,4 +1,4 @@
-// How a link was at a moment of a recording, by what is known of that time: rows of messages, events and marks.
+// The link at a moment of a recording, computed from the rows of messages, events and marks of that time.
 import type { Protocol } from "./protocol";
 import type { LinkEvent, Row } from "./views";
 
@@ -30,7 +30,7 @@ export function momentOf(marks: readonly LinkEvent[], rows: readonly Row[], prot
   return moment;
 }
 
-/** The message came again, or what ends the deadline did. */
+/** The message came again, or the deadline was ended otherwise. */
 function isOver(mark: LinkEvent, rows: readonly Row[], protocol: Protocol): boolean {
   const rule = protocol.deadlines.find(
     (one) => one.at === "mcu" && one.then === mark.action && one.message === mark.message,

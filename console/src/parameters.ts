@@ -12,8 +12,8 @@ export interface Source {
   name: string; // of the message; of the service `parameter`
   isService: boolean;
   set: Message;
-  read: Message | null; // asks for what is in force
-  value: Message | null; // has what is in force
+  read: Message | null; // asks for the current value
+  value: Message | null; // has the current value
   selectors: Field[]; // numbers that the reader chooses, such as the index of a loop
   parameters: Parameter[];
 }
@@ -106,7 +106,7 @@ export function answering(protocol: Protocol): string[] {
     .slice(0, 2);
 }
 
-/** Does the robot have what was wanted? Numbers lose digits on the wire: within a step, or a float's digits. */
+/** Whether the robot has the wanted value. Numbers lose digits on the wire: within a step, or a float's digits. */
 export function isSame(wanted: number, inForce: number, step: number | null): boolean {
   return (
     Math.abs(wanted - inForce) <= Math.max((step ?? 0) * 0.51, 1e-6 * Math.max(Math.abs(wanted), Math.abs(inForce)))

@@ -11,7 +11,7 @@ interface Press {
   y: number;
 }
 
-/** From now on presses on controls of this page survive what moves between press and release. */
+/** From now on presses on controls of this page survive movements between press and release. */
 export function keepPresses(page: Document): void {
   let press: Press | null = null;
   let isDone = false; // the browser may still click an element that holds both places

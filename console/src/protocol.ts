@@ -1,4 +1,4 @@
-// What the server tells of a protocol file, and what follows from it for every view. docs/console-api.md has the shapes.
+// The server's description of a protocol file, and functions of it for every view. docs/console-api.md has the shapes.
 
 export interface Field {
   name: string;
@@ -140,7 +140,7 @@ export function addressOf(protocol: Protocol | null, header: Header): number | u
   return typeof value === "string" ? field?.values?.[value] : typeof value === "number" ? value : undefined;
 }
 
-/** Digits behind the point that show one step of the wire, at most 6. */
+/** Digits after the point that show one step of the wire, at most 6. */
 export function digitsOf(step: number | null): number | null {
   if (step === null || !(step > 0)) return null;
   for (let digits = 0; digits <= 6; digits++) {

@@ -1,4 +1,4 @@
-// What a plot shows, and what it holds: which range to ask the server for, and between which values to show it.
+// The shown range of a plot and the range that it holds: which one to ask the server for, and the limits of the values.
 
 /** The newest seconds, or a range that does not move by itself. */
 export type Range = { seconds: number } | { from: number; to: number };
@@ -6,7 +6,7 @@ export type Range = { seconds: number } | { from: number; to: number };
 export interface Asked {
   from: number;
   to: number;
-  times: number; // as wide as what is shown
+  times: number; // width, in multiples of the shown range
 }
 
 const AROUND = 1; // widths of the range on either side
@@ -14,7 +14,7 @@ const ENOUGH = 0.5; // the same: with less left, more is asked for
 const CALM = 1.5; // as wide as needed: up to here a scale stays as it is
 const ROOM = 0.06; // of the values' range, above and below
 
-/** What to ask for when `from` to `to` is shown: what was asked for last, while that still reaches far enough. */
+/** The range to ask for when `from` to `to` is shown: the last one, while that reaches far enough. */
 export function around(from: number, to: number, last: Asked | null): Asked {
   const width = to - from;
   const times = 1 + 2 * AROUND;
@@ -29,7 +29,7 @@ export function around(from: number, to: number, last: Asked | null): Asked {
 }
 
 /** The ends of a scale for values from `low` to `high`; the last ones while they fit, so that the lines do not jump.
- *  @param least half of what is shown of values that are all the same */
+ * @param least half of the shown range if all values are equal */
 export function calmScale(
   low: number,
   high: number,

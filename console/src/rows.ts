@@ -31,7 +31,7 @@ export class Rows {
     return batch.replace ? { from, to: Math.min(known - batch.width, to) } : { from: -Infinity, to: known };
   }
 
-  /** Forgets what the batch does not have. Was there nothing to forget? */
+  /** Forgets rows that the batch does not have. Returns whether there were any. */
   private dropOthers(batch: Batch): boolean {
     let isSame = true;
     for (const [name, one] of this.series) {

@@ -85,7 +85,7 @@ export class Series {
     return Math.max(this.start, this.countTo(t) - 1);
   }
 
-  /** The end of the rows that a line needs up to `t`: one at or behind it is the last. */
+  /** The end of the rows that a line needs up to `t`: the last one is at or after it. */
   behind(t: number): number {
     return Math.min(this.end, this.countTo(t) + 1);
   }

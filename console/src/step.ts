@@ -10,10 +10,10 @@ export interface Response {
 export type Problem = "too_few" | "no_response";
 
 const BAND = 0.05; // of the step, for settling
-const TAIL = 0.25; // of the time behind the step, whose mean is the final value
+const TAIL = 0.25; // of the time after the step, whose mean is the final value
 const LEAST = 8; // samples on each side
 
-/** Samples by time, the moment of the step, and what it should become (null: not known). */
+/** Samples by time, the moment of the step, and the wanted value (null: not known). */
 export function analyse(t: number[], y: number[], step: number, reference: number | null): Response | Problem {
   const before: number[] = [];
   const after: { t: number; y: number }[] = [];
@@ -53,7 +53,7 @@ export function analyse(t: number[], y: number[], step: number, reference: numbe
   };
 }
 
-/** Mean, root mean square about it, least and greatest: of a field that only should stand still. */
+/** Mean, standard deviation, minimum and maximum of a field that should be constant. */
 export function stillness(y: number[]): { mean: number; spread: number; low: number; high: number } | null {
   const known = y.filter(Number.isFinite);
   if (known.length < LEAST) return null;

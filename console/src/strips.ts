@@ -3,7 +3,7 @@
 export const STRIP = 128; // device pixels
 const KEPT = 3; // times as many strips as are in view
 
-/** Paints what lies from `begin` on, at `perSecond` device pixels, into a canvas of `STRIP` and `height`. */
+/** Paints from `begin` on, at `perSecond` device pixels, into a canvas of `STRIP` and `height`. */
 export type Paint = (ctx: CanvasRenderingContext2D, begin: number, perSecond: number, height: number) => void;
 /** Where in a canvas, in device pixels. */
 export interface Box {
@@ -14,7 +14,7 @@ export interface Box {
 }
 
 export class Strips {
-  private readonly painted = new Map<number, HTMLCanvasElement>(); // by how many strips lie before it since time 0
+  private readonly painted = new Map<number, HTMLCanvasElement>(); // by their number, counted from time 0
   private readonly spare: HTMLCanvasElement[] = [];
   private look = "";
   private perSecond = 0;
@@ -48,7 +48,7 @@ export class Strips {
     return count;
   }
 
-  /** What lies outside of `from` to `to` is to be painted again. */
+  /** The part outside of `from` to `to` is to be painted again. */
   keep(from: number, to: number): void {
     const seconds = STRIP / this.perSecond;
     for (const index of [...this.painted.keys()])

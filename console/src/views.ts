@@ -96,7 +96,7 @@ export interface PlotWish {
   pixels: number;
 }
 export interface Wish {
-  /** Of each view that is wanted, what is wanted of it. */
+  /** By view: what the page wants of it. */
   [view: string]: unknown;
   plots: PlotWish[];
   source: "live" | { recording: string };
@@ -130,7 +130,7 @@ export interface ViewsListener {
 
 const ARRAYS = { f32: Float32Array, f64: Float64Array } as const;
 
-/** A binary message of one plot. The arrays lie in the message's own memory. */
+/** A binary message of one plot. The arrays are in the message's own memory. */
 export function readBatch(data: ArrayBuffer): Batch {
   const size = new DataView(data).getUint32(0, true);
   const head = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, size))) as Omit<Batch, "columns"> & {
@@ -173,7 +173,7 @@ export class Views {
     this.socket.connect();
   }
 
-  /** Changes what is wanted. Saying the same again sends nothing. */
+  /** Changes the wish. The same wish again sends nothing. */
   want(wish: Wish): void {
     const isSame = JSON.stringify(wish) === JSON.stringify(this.wish);
     this.wish = wish;

@@ -1,4 +1,4 @@
-// The counts of a decoder and of a link, with their names: what programs and pages see.
+// The counts of a decoder and of a link, with their names as programs and pages see them.
 #include "wirebond/engine/account.hpp"
 
 #include <utility>

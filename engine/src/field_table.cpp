@@ -55,7 +55,7 @@ void read_meaning(FieldTable& table, const Node& field) {
   table.has_flags = !table.flags.empty();
 }
 
-/// Read what a field means, and how one number of it lies in bytes; not how often it occurs.
+/// Read a field's type and the coding of one number of it; not how often it occurs.
 FieldTable read_field(const Node& field) {
   FieldTable table;
   table.name = field["name"].text();

@@ -149,7 +149,7 @@ WIREBOND_EXPORT(receive) const std::uint8_t* wirebond_receive() {
   });
 }
 
-/// Keep what is read, written and happens for `tap_take`, up to `capacity` bytes. There is one tap.
+/// Keep read bytes, written bytes and events for `tap_take`, up to `capacity` bytes. There is one tap.
 WIREBOND_EXPORT(tap_open) void wirebond_tap_open(std::size_t capacity, double now) {
   session->tap = open_link().open_tap(capacity, us(now));
 }

@@ -108,7 +108,7 @@ Follower& follower_of(unsigned sender) {
   return *follower;
 }
 
-/// Ignores what is no number: a page reads that from single messages.
+/// Ignores values that are not numbers: a page reads those from single messages.
 struct NothingKept {
   void value(std::size_t, const FieldTable& field, std::size_t place, std::uint64_t promised, Walk& walk) {
     static_cast<void>(decode_field<NodeValues>(field, place, promised, walk));
@@ -201,7 +201,7 @@ WIREBOND_EXPORT(input) std::uint8_t* wirebond_input(std::size_t size) {
 WIREBOND_EXPORT(result_size) std::size_t wirebond_result_size() { return result.size(); }
 
 /// Input: a map of `protocol`, `mcu`, `host`, `either` (tables in bytes; none: there is none) and `idle_seconds`. Ends
-/// what was open.
+/// the session that was open.
 WIREBOND_EXPORT(open) const std::uint8_t* wirebond_open() {
   return answered([] {
     const Node tables = given();
@@ -242,7 +242,7 @@ WIREBOND_EXPORT(account) const std::uint8_t* wirebond_account(unsigned sender) {
   return answered([&] { return decoder_of(sender).account(); });
 }
 
-/// Forget what the decoder and the follower of this sender have seen.
+/// Forget the state of this sender's decoder and follower.
 WIREBOND_EXPORT(restart) const std::uint8_t* wirebond_restart(unsigned sender) {
   return answered([&] {
     open_session().decoders.at(sender) = nullptr;

@@ -60,7 +60,7 @@ const std::shared_ptr<const FormatTable>& format_of(unsigned sender);
 /// Keep the node as the result, and return the result's address.
 const std::uint8_t* give(const Node& node);
 
-/// Call `work`, and keep what it returns or throws as the result.
+/// Call `work`, and keep its return value or exception as the result.
 template <class Work>
 const std::uint8_t* answered(Work work) {
   Node answer;

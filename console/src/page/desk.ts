@@ -49,7 +49,7 @@ export class Desk {
   /** One message of the page. */
   take(message: Asked): void {
     const now = this.clock.now();
-    if (now - this.judgedAt > STALLED) this.judge(now); // what waited may be from before a stall
+    if (now - this.judgedAt > STALLED) this.judge(now); // waiting commands may be from before a stall
     const id = message.id as number;
     if (!this.isAttached) {
       if (message.do === "attach") this.attach(id, message.name as string);
@@ -90,7 +90,7 @@ export class Desk {
     this.endControl("gone");
   }
 
-  /** The link is another one, or none: nobody is in control. */
+  /** The link is another one, or closed: no page is in control. */
   forget(): void {
     this.endControl("released");
     for (const number of [...this.questions.keys()]) this.withdraw(number);
@@ -127,7 +127,7 @@ export class Desk {
     }
   }
 
-  /** Seconds since the tick after this one was due: what the page had seen is at least that old. */
+  /** Seconds since the tick after this one was due: the page's state is at least that old. */
   private age(tick: number): number {
     if (this.tick === 0) return 0;
     const made = this.ticks.get(tick);

@@ -31,7 +31,7 @@ export interface Message {
   fields: Record<string, unknown>;
   violations: string[];
 }
-/** Rows of one message. The arrays lie in the module's memory and are good until the next call. */
+/** Rows of one message. The arrays are in the module's memory and valid until the next call. */
 export interface Rows {
   message: number; // its index; the number of messages: frames of unknown ones
   t: Float64Array;
@@ -75,7 +75,7 @@ export class Engine {
     return engine;
   }
 
-  /** Opens a protocol: `tables` as `session_table` of Python packs them. Ends what was open. */
+  /** Opens a protocol: `tables` as `session_table` of Python packs them. Ends the one that was open. */
   open(tables: Uint8Array): void {
     this.call("open", tables);
     this.columns = this.call("columns");
@@ -84,7 +84,7 @@ export class Engine {
   /** Calls a function that answers with a value. Throws an `EngineError`. */
   call<T>(name: string, input: Uint8Array = NONE, ...args: number[]): T {
     this.give(input);
-    const bytes = this.view(this.function(name)(...args)).slice(); // bytes in the value lie in these
+    const bytes = this.view(this.function(name)(...args)).slice(); // bytes in the value refer to these
     const answer = decode(bytes, WHOLE) as { ok: T } | { error: string; text: string };
     if ("error" in answer) throw new EngineError(answer.error === "message" ? "message" : "engine", answer.text);
     return narrowed(answer.ok) as T;

@@ -1,4 +1,4 @@
-// The file that `wirebond gen FILE --lang page` writes for one protocol: what the page needs of it beside the engine.
+// The file that `wirebond gen FILE --lang page` writes for one protocol: facts that the engine does not have.
 import type { Protocol } from "../protocol";
 
 export const VERSION = 2;
@@ -38,7 +38,7 @@ export interface Facts {
   delimiters: { mcu: number[]; host: number[] };
   /** By the sender: the parts of its frames, for each form that the engine knows. */
   forms: { mcu: FramePart[][]; host: FramePart[][] };
-  /** Requests alone say what a reply of the MCU is. */
+  /** Replies of the MCU are identified only by requests. */
   told: boolean;
   requests: Record<string, Request>;
   stops: Stop[];
@@ -50,8 +50,8 @@ export interface Facts {
     from: string | null; // of the MCU's frames: who sent one
     broadcasts: number[];
   };
-  /** By message. `pieces`: texts, and fields whose values stand between them; null: level and text come with it. */
+  /** By message. `pieces`: texts, with field values between them; null: the message has level and text. */
   log: Record<string, { level: string; pieces: (string | { field: string; decimals: number | null })[] | null }>;
-  /** The message that says which file an end has, and what this end says in it. */
+  /** The message that identifies an end's file, and this end's values in it. */
   hello: { message: string; fields: Record<string, unknown> } | null;
 }

@@ -1,4 +1,4 @@
-// What happened, as sentences, and what is marked on a line of time; each numbered, the oldest dropped first.
+// Events as sentences, and marks for the time line; each numbered, the oldest dropped first.
 import type { LinkEvent } from "../views";
 
 const MOST_EVENTS = 2000;
@@ -44,7 +44,7 @@ export class Marks extends Numbered {
     super(MOST_MARKS);
   }
 
-  /** A deadline at the MCU has struck, by what it was sent. */
+  /** A deadline at the MCU has struck, judged by the sent messages. */
   struck(t: number, action: string, message: string): void {
     this.add({ t, kind: "mcu_deadline_struck", text: "", action, message });
   }

@@ -9,7 +9,7 @@ const ROWS = 1 << 16; // of a whole chunk
 const FIRST_ROWS = 1 << 8;
 const MOST_ELEMENTS = 64; // of an array that is kept element by element
 const GAP = 3; // intervals of a message, after which its absence is a gap
-const BURST = 1 / 8; // of a silence: what comes so soon after it was sent in it, and waited in an adapter
+const BURST = 1 / 8; // of a silence: bytes so soon after it were sent during it, and waited in an adapter
 const MOST_BREAKS = 10_000;
 
 /** The first place whose value is at least `t` (`after`: greater than it). `values` rise. */

@@ -68,7 +68,7 @@ export class McuDeadlines {
     this.found.push({ t: watch.since! + watch.rule.after, action: watch.rule.then, message: watch.rule.message });
   }
 
-  /** Their message was sent: silence begins again, unless one of them holds back what comes. */
+  /** Their message was sent: silence begins again, unless one of them holds messages back. */
   private act(watches: Watch[], t: number): void {
     if (watches.some((watch) => (watch.rule as { start?: string }).start === "held" && watch.since === null)) return;
     if (watches.some((watch) => isExplicit(watch) && hasStruck(watch, t))) {

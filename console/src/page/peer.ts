@@ -1,4 +1,4 @@
-// Who is at the other end: what its hello said of the file that its firmware was built from.
+// The other end: its hello says from which file its firmware was built.
 import type { Facts } from "./facts";
 
 const FIRST_WAIT = 0.5; // seconds for the answer to a hello, before it is said again
@@ -21,7 +21,7 @@ export class PeerBook {
       : `${facts.protocol.name} maps no \`hello\` service, so the MCU cannot say which file it has`;
   }
 
-  /** The port is open, or open again: whoever is there now is not known. */
+  /** The port is open, or open again: the device is not known yet. */
   connected(t: number): void {
     this.state = "unknown";
     this.known = null;

@@ -1,4 +1,4 @@
-// Batches of one plot: only what is new since the last one. docs/console-api.md, "Plots", has the bytes.
+// Batches of one plot: only rows that are new since the last one. docs/console-api.md, "Plots", has the bytes.
 import type { PlotWish } from "../views";
 import type { History, Pixels } from "./history";
 import { placeOf } from "./history";
@@ -12,7 +12,7 @@ const ALIGNED = 8;
 export class PlotFeed {
   private readonly sent = new Map<string, Sent>(); // by field
   private isFirst = true;
-  private newest = -Infinity; // of what a fixed range had when it was last read
+  private newest = -Infinity; // newest time of a fixed range when it was last read
 
   constructor(readonly plot: PlotWish) {}
 

@@ -17,7 +17,7 @@ const EVENT_SCHEMA = JSON.stringify({
 });
 const text = new TextEncoder();
 
-/** Collects what the writer writes, for one write to the file. */
+/** Collects the writer's bytes for one write to the file. */
 class Batch {
   private parts: Uint8Array[] = [];
   private size = 0n;

@@ -9,7 +9,7 @@ const SLACK = 0.05; // seconds: a message that was read longer than this before 
 
 type Outcome = { reply: Message } | { error: Error };
 
-/** One frame that asks for a reply. `finish` is called once; null: nobody waits. */
+/** One frame that asks for a reply. `finish` is called once; null: no caller waits. */
 export interface Question {
   message: string;
   reply: string;
@@ -19,7 +19,7 @@ export interface Question {
   leave(): void; // sends it; throws if it is refused
   since: number; // seconds; 0: it has not left
   until: number;
-  isOver: boolean; // it was given up: it may only take what is surely its own
+  isOver: boolean; // it was given up: it may only take a reply that is certainly its own
 }
 
 export class RequestBook {
@@ -55,7 +55,7 @@ export class RequestBook {
     };
   }
 
-  /** Sends it, now or when its turn comes. Throws what refuses it at once. */
+  /** Sends it, now or when its turn comes. Throws if it is refused at once. */
   submit(question: Question): void {
     // Where only the request identifies a reply, the next request waits for the end of the one before.
     if (this.facts.told && question.finish && this.isBusy()) this.waiting.push(question);

@@ -15,7 +15,7 @@ import { takeTap, type Taken } from "./tap";
 export type Port = Pick<SerialPort, "open" | "close" | "readable" | "writable" | "getInfo"> & {
   readonly connected?: boolean;
 };
-/** Where ports come from: `navigator.serial`, or what stands for it. */
+/** Source of ports: `navigator.serial`, or a stand-in. */
 export interface Ports {
   getPorts(): Promise<Port[]>;
 }
@@ -23,8 +23,8 @@ export const RESULTS = ["ok", "down", "full", "stopped"] as const; // in the ord
 export const STATES = ["down", "stale", "up"] as const;
 
 const TAP_BYTES = 1 << 22;
-const BUFFER_BYTES = 1 << 16; // of the browser, for what is received
-const STALLED = 0.05; // seconds without a look: what comes then may have waited
+const BUFFER_BYTES = 1 << 16; // of the browser, for received bytes
+const STALLED = 0.05; // seconds without a check: bytes that come then may have waited
 const LONGEST_SLEEP = 0.5;
 const FIRST_OPEN_WAIT = 0.02; // seconds before a port that went away is tried again
 const LAST_OPEN_WAIT = 1;
@@ -273,7 +273,7 @@ export class Robot {
     }
   }
 
-  // ---- what leaves
+  // ---- sending
 
   indexOf(message: string): number {
     const index = this.names.indexOf(message);
@@ -351,7 +351,7 @@ export class Robot {
     return has;
   }
 
-  /** Ends every lease, and sends the safe values of what was moved. */
+  /** Ends every lease, and sends the safe values of the messages that moved something. */
   endMotion(): void {
     this.engine.do("end_motion");
     this.wake();
@@ -383,7 +383,7 @@ export class Robot {
     return takeTap(this.engine, this.facts);
   }
 
-  /** Ends everything: leases end with their safe values, what waits may still leave for a moment, the port is closed. */
+  /** Ends everything: leases end with their safe values, queued frames may leave for a moment, the port is closed. */
   async end(): Promise<void> {
     if (this.isEnded) return;
     this.isEnded = true;

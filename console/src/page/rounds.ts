@@ -1,4 +1,4 @@
-// The views of docs/console-api.md for one page: round by round what it wants to see, and only what is new.
+// The views of docs/console-api.md for one page: each round sends only news of the wanted views.
 import type { LinkView, PlotWish, Wish } from "../views";
 import type { Clock } from "./clock";
 import { HOST, senderName, type Sender } from "./engine";
@@ -48,14 +48,14 @@ export class Rounds {
   private replay: Replay | null = null;
   private of: Source | null = null;
   private errors: Record<string, unknown>[] = [];
-  private isKnown = false; // the page has said what it wants
+  private isKnown = false; // the page has sent its wish
   private acks = false;
   private rounds = 0;
   private seen = 0;
   private isAtOnce = false;
   private roundAt = -Infinity;
   private saidAt = -Infinity;
-  // what of each view was sent last
+  // last sent state of each view
   private nextAt: Record<string, number> = {};
   private last: Record<string, unknown> = {};
 
@@ -231,7 +231,7 @@ export class Rounds {
   ): Record<string, unknown> {
     const track = source.history.tracks.find((one) => one.sender === sender && one.name === name)!;
     let window = Math.max(LEAST_WINDOW, WINDOW_INTERVALS * (track.interval ?? 0));
-    // It began within the window: what is counted is of this time alone.
+    // It began within the window: the counts are of this time alone.
     if (track.first !== null)
       window = Math.min(window, Math.max(now - track.first, track.interval ?? 0, SHORTEST_WINDOW));
     const row: Record<string, unknown> = {

@@ -132,7 +132,7 @@ export class Source {
   }
 
   private take(sender: Sender, all: Rows[]): void {
-    this.history.add(sender, all); // first: the rows lie in the engine's memory, which the calls below change
+    this.history.add(sender, all); // first: the rows are in the engine's memory, which the calls below change
     const found = all.map((rows) => ({
       index: rows.message,
       times: Array.from(rows.t),
@@ -195,7 +195,7 @@ export class Source {
     return newest;
   }
 
-  /** The last frames and what is between frames, of both ends in the order of time. */
+  /** The last frames and the bytes between frames, of both ends in the order of time. */
   pieces(most: number, name: string | null, withDiscards: boolean, until?: number): { sender: Sender; piece: Piece }[] {
     const found = SENDERS.flatMap((sender) =>
       this.streams[sender].newest(most, name, withDiscards, until).map((piece) => ({ sender, piece })),

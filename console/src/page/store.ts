@@ -4,7 +4,7 @@
 /** A file that grows. */
 export interface Growing {
   write(bytes: Uint8Array): void;
-  /** Makes what was written safe. */
+  /** Makes the written bytes safe. */
   flush(): void;
   close(): void;
 }

@@ -1,4 +1,4 @@
-// One direction of a line: its newest bytes, the frames in them, and what is between frames.
+// One direction of a line: its newest bytes, the frames in them, and the bytes between frames.
 import { Engine, type Message, type Rows, type Sender } from "./engine";
 import { placeOf } from "./history";
 
@@ -98,7 +98,7 @@ export class Stream {
         added.push({ t: of.t[i]!, offset: Number(of.offset[i]), size: of.size[i]!, kind: of.message });
       }
     }
-    take(rows); // before the next call: they lie in the engine's memory
+    take(rows); // before the next call: they are in the engine's memory
     added.sort((a, b) => a.offset - b.offset);
     for (const frame of added) this.frames.push(frame);
     this.noteDiscards(added);

@@ -1,4 +1,4 @@
-// What the link's tap has brought since the last time: reads and writes with their times, and what happened.
+// New entries of the link's tap: reads and writes with their times, and events.
 import type { Engine } from "./engine";
 import type { Facts } from "./facts";
 

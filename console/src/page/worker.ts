@@ -17,7 +17,7 @@ import { openStore, type Store } from "./store";
 import type { Taken } from "./tap";
 import type { LinkView } from "../views";
 
-/** What the page sends, and what it gets. `id`: of a connection or of a request. */
+/** Messages between the page and the worker. `id`: of a connection or of a request. */
 export type ToWorker =
   | { kind: "begin"; module: ArrayBuffer; facts: Facts }
   | { kind: "open"; id: number; path: "attach" | "views" }
@@ -157,7 +157,7 @@ class Page {
     for (const { t, kind, facts } of taken.events) source.happenings.note(t, kind, facts);
   }
 
-  // ---- what the link view shows
+  // ---- the view of the link
 
   private short(): string {
     const { robot, desk } = this;

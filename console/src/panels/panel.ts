@@ -2,7 +2,7 @@
 import type { Component } from "svelte";
 
 export interface Panel {
-  /** Panels stand in this order. */
+  /** Order of the panels. */
   order: number;
   /** Its width, of 12. */
   columns: number;

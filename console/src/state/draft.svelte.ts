@@ -19,9 +19,9 @@ class Draft {
   name = $state("");
   base = $state(""); // the text that was begun with
   text = $state("");
-  notes = $state.raw<string[]>([]); // what could not be told, of a file that was made
+  notes = $state.raw<string[]>([]); // parts of an imported file that could not be converted
   isNew = $state(false); // no file of this text is in force
-  /** Where the server wrote it last, and what. */
+  /** Where the server wrote it last, and the text. */
   saved = $state.raw<{ path: string; text: string } | null>(null);
   /** What an earlier visit left. Until the reader restores or discards it, nothing takes its place. */
   kept = $state.raw<Kept | null>(read(NEW));
@@ -114,7 +114,7 @@ function read(key: string): Kept | null {
     const kept = JSON.parse(localStorage.getItem(key) ?? "null") as Kept | null;
     return typeof kept?.text === "string" ? { ...kept, key } : null;
   } catch {
-    return null; // what cannot be read is as none
+    return null; // unreadable drafts are ignored
   }
 }
 function write(kept: Kept): void {

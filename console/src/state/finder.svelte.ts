@@ -34,7 +34,7 @@ const EACH = 0.5; // seconds that each baud rate is listened to
 
 class Finder {
   isBusy = $state(false);
-  /** The port whose baud rates are tried: it is disconnected meanwhile. */
+  /** The port whose baud rates are tried: it is disconnected in that time. */
   port = $state<string | null>(null);
   matches = $state.raw<Match[] | null>(null);
   otherSizes = $state.raw<OtherSize[]>([]);

@@ -28,7 +28,7 @@ export class Layout {
   private protocol = "";
   private next = 1;
 
-  /** The layout of this protocol: the saved one, or one made from what the robot sends regularly. */
+  /** The layout of this protocol: the saved one, or one made from the robot's regular messages. */
   open(protocol: Protocol): void {
     if (this.protocol === protocol.name) return;
     this.protocol = protocol.name;
@@ -104,7 +104,7 @@ export class Layout {
     return { wirebond_layout: 1, protocol, seconds, table, plots, colours: Object.fromEntries(this.colours) };
   }
 
-  /** Takes a layout over. Returns the fields that this protocol does not have. Throws with what is wrong with it. */
+  /** Takes a layout over. Returns the fields that this protocol does not have. Throws its fault. */
   read(file: unknown, protocol: Protocol): string[] {
     const layout = file as Partial<LayoutFile> | null;
     if (layout?.wirebond_layout !== 1 || !Array.isArray(layout.plots)) throw new Error("no wirebond_layout: 1");

@@ -24,18 +24,18 @@ const ALWAYS: Wish = { link: true, events: true, marks: true, plots: [], source:
 
 class Live {
   isOpen = $state(false);
-  /** Does the page receive what the server says? False: what it shows is the past. */
+  /** Whether the page receives the server's news. False: it shows the past. */
   isHeard = $state(false);
   /** Seconds since anything came from the server, in steps; null: nothing ever did. */
   silence = $state<number | null>(null);
-  /** Seconds since the newest report about the link: a server that reads a large recording sends none meanwhile. */
+  /** Seconds since the newest report about the link: a server that reads a large recording sends none in that time. */
   age = $state(0);
   why = $state("");
   hasToken = $state(true); // false: the server refused it
   link = $state.raw<LinkView | null>(null);
   /** The same while it has a port. */
   readonly served = $derived(this.link?.connected ? this.link : null);
-  /** Is the emergency stop latched, as far as this page was told? Kept while the server is not heard. */
+  /** Whether the emergency stop is latched, by the last report. Kept while the server is not heard. */
   stopped = $state(false);
   rows = $state.raw<Row[]>([]);
   rowsAt = $state(0); // the server's time of `rows`
@@ -48,11 +48,11 @@ class Live {
   recording = $state.raw<{ name: string; from: number; to: number; problems: string[] } | null>(null);
   protocol = $state.raw<Protocol | null>(null); // of the link
   private recorded = $state.raw<{ name: string; protocol: Protocol | null }>({ name: "", protocol: null });
-  /** Of what is shown: a recording has its own. */
+  /** Of the shown data: a recording has its own. */
   readonly shown = $derived(this.recorded.name ? this.recorded.protocol : this.protocol);
-  problem = $state(""); // of what was asked for
+  problem = $state(""); // of the request
   private wish: Wish = { ...ALWAYS };
-  private readonly shownBy = new Map<string, { wish: unknown }[]>(); // what each component that shows a view wants of it
+  private readonly shownBy = new Map<string, { wish: unknown }[]>(); // the wishes of each component that shows a view
   private isDue = false;
   private protocolHash: string | null = null;
   private readonly onBatch = new Set<(batch: Batch) => void>();
@@ -89,7 +89,7 @@ class Live {
     return this.clock.server === 0 ? 0 : this.clock.server + (performance.now() - this.clock.page) / 1000;
   }
 
-  /** A time of what is shown, in words: of day; in a recording seconds since its start. */
+  /** A time of the shown data, as text: of day; in a recording seconds since its start. */
   timeText(t: number, digits = 3): string {
     return this.recorded.name ? `${t.toFixed(digits)} s` : this.clockText(t, digits);
   }
@@ -104,7 +104,7 @@ class Live {
     return clockText(t + this.wallAhead, Math.min(3, digits));
   }
 
-  /** Changes what is wanted; goes out once, after what else this turn of the loop wants. */
+  /** Changes the wish; it is sent once, together with other changes of this turn of the loop. */
   want(part: Partial<Wish>): void {
     this.wish = { ...this.wish, ...part };
     if (this.isDue) return;
@@ -118,7 +118,7 @@ class Live {
   /** Asks for a view until the returned function is called. Of several that ask, the last one's wish counts. */
   show(view: string, wish: unknown): () => void {
     const before = this.shownBy.get(view) ?? [];
-    const mine = { wish }; // told from another one's that is equal
+    const mine = { wish }; // an object of its own, distinct from an equal one
     this.showTo(view, [...before, mine]);
     return () =>
       this.showTo(
@@ -156,7 +156,7 @@ class Live {
   /** Shows this recording in place of the link; empty: the link again. */
   async showRecording(name: string): Promise<void> {
     if (name !== this.recorded.name) {
-      this.events = this.marks = this.rows = []; // they are of what was shown before
+      this.events = this.marks = this.rows = []; // they are of the data shown before
       this.newest = {};
     }
     this.recording = null;

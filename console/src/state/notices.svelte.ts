@@ -1,4 +1,4 @@
-// Sentences that say what just happened. Each goes after a while, or when it is clicked.
+// Sentences about recent events. Each goes after a while, or when it is clicked.
 export interface Notice {
   id: number;
   text: string;

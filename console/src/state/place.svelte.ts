@@ -42,7 +42,7 @@ class PlaceState {
     history.replaceState(null, "", writePlace(this.now));
   }
 
-  /** The same of what goes on changing: the address follows when it rests. */
+  /** The same for continuous changes: the address follows when they end. */
   slide(more: Partial<Place>): void {
     clearTimeout(this.timer);
     this.now = { ...this.now, ...more };

@@ -50,7 +50,7 @@ class Recordings {
     void live.showRecording(place.now.recording ?? "");
   }
 
-  /** Follows the address: asks for what is shown to be of its position. */
+  /** Follows the address: asks for the data at its position. */
   seek(): void {
     live.want({ at: this.at ?? undefined });
   }

@@ -24,7 +24,7 @@ export class Repeat {
   private waits = 0;
   private isPatient = false;
 
-  /** Begins, or changes what is repeated. Without an `every` in the file the page sends each `every_ms` itself.
+  /** Begins, or changes the repeated values. Without an `every` in the file the page sends each `every_ms` itself.
    *  `isPatient`: goes on when the network was late; only for values that stop the robot. */
   set(
     message: Message,
@@ -33,7 +33,7 @@ export class Repeat {
     header?: Header,
     { isPatient = false } = {},
   ): void {
-    if (!this.isOf(message, header)) this.end(); // what another device was sent does not go on
+    if (!this.isOf(message, header)) this.end(); // another device's values are not continued
     giveWay(message, header, this);
     this.isPatient = isPatient;
     this.values = values;

@@ -1,4 +1,4 @@
-// The page's one connection for commands, as the views read it: are we attached, who is in control, what was refused.
+// The page's one connection for commands, as the views read it: attached or not, who is in control, refusals.
 import { AttachLink, Refusal, type Control, type Decision, type Phase, type Reply, type Welcome } from "../link";
 import { host } from "../host";
 import type { Header } from "../protocol";

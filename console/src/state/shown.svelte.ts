@@ -3,7 +3,7 @@ import { live } from "./live.svelte";
 
 /** What the server says about this view while the component is on the page: the newest message, null before the first.
  *
- * `wish`: what the server needs to know about it, as in docs/console-api.md. */
+ * `wish`: the server's input for it, as in docs/console-api.md. */
 export function shown<Message>(view: string, wish: unknown = true): { readonly value: Message | null } {
   $effect(() => live.show(view, wish));
   return {

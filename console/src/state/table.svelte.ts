@@ -1,4 +1,4 @@
-// The table of messages: a line for each that the protocol has, with its newest values. It stands still while all does.
+// The table of messages: a line for each message of the protocol, with its newest values. It stops while all is paused.
 import { untrack } from "svelte";
 import type { Message } from "../protocol";
 import { live } from "./live.svelte";

@@ -19,7 +19,7 @@ class ThemeState {
     localStorage.setItem(KEY, choice);
   }
 
-  /** The other one than what is shown. */
+  /** The theme that is not shown. */
   toggle(): void {
     this.choose(this.isDark ? "light" : "dark");
   }

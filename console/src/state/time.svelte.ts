@@ -4,11 +4,11 @@ import { live } from "./live.svelte";
 const EVERY = 200; // ms between two steps of the clock that ages are counted by
 
 class SharedTime {
-  /** The server's time at which everything stands still; null: all runs. */
+  /** The server's time at which all views are paused; null: all run. */
   pausedAt = $state<number | null>(null);
   /** Where the cursor is, in the server's time. */
   cursor = $state<number | null>(null);
-  /** The server's time now, in steps; while paused it stands. */
+  /** The server's time now, in steps; it stops while paused. */
   now = $state(0);
 
   constructor() {

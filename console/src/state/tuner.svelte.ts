@@ -1,4 +1,4 @@
-// The parameters of one source: what is wanted, what was sent, what the robot acknowledged and what was read back.
+// The parameters of one source: wanted, sent, acknowledged and read back.
 import { isSame, refusal, type Parameter, type Source } from "../parameters";
 import { Refusal, type Reply } from "../link";
 import { live } from "./live.svelte";
@@ -82,7 +82,7 @@ export class Tuner {
     this.expectRead();
   }
 
-  /** Ends of a slider: the file's range, else around what is in force. */
+  /** Ends of a slider: the file's range, otherwise around the current value. */
   rangeOf(parameter: Parameter): { low: number; high: number } {
     const { min, max } = parameter.field;
     if (min !== null && max !== null && max - min < 1e5) return { low: min, high: max };
@@ -108,7 +108,7 @@ export class Tuner {
       if (source.parameters.length) for (const parameter of source.parameters) await this.readOne(parameter);
       else await this.discover(source);
     });
-    if (this.selected !== selected) return; // it is read again, for what is selected now
+    if (this.selected !== selected) return; // it is read again, for the present selection
     if (isRead) this.wasRead = true;
     else this.waitAfterFailure();
   }
@@ -185,7 +185,7 @@ export class Tuner {
       if (source.isService) this.takeOne(parameters[0]!, reply, why);
       else if (source.read)
         this.takeFields((await session.request(source.read.name, { ...this.selected })).fields, why);
-      else if (source.value) this.takeFields(reply.fields, why); // the reply has what is in force
+      else if (source.value) this.takeFields(reply.fields, why); // the reply has the current value
     } catch (error) {
       for (const parameter of parameters)
         if (this.of(parameter).state === "sent")

@@ -248,7 +248,7 @@ typedef struct wirebond_receive_account {
   uint32_t overtaken;   ///< handed out, but overwritten while they were read: the ring is too small
   uint32_t dropped;     ///< not read, because an unknown number of bytes may have come
   /// How often no poll came for as long as the ring takes to fill. Whole rings may have come then that `received` does
-  /// not count; what was left of them is counted in `dropped`.
+  /// not count; the rest of them is counted in `dropped`.
   uint32_t laps_unknown;
 } wirebond_receive_account_t;
 

@@ -1,5 +1,5 @@
 // All frames that one end wants to send: the queue, the urgent queue, the slots of `latest` messages, and the account
-// of every frame. It chooses what DMA sends next; it starts nothing and knows no frame format.
+// of every frame. It chooses the run that DMA sends next; it starts nothing and knows no frame format.
 #pragma once
 
 #include <array>

@@ -19,7 +19,7 @@ struct ReceiveAccount {
   std::uint32_t overtaken = 0;   ///< handed out, but overwritten while they were read: the ring is too small
   std::uint32_t dropped = 0;     ///< not read, because an unknown number of bytes may have come
   /// How often no poll came for as long as the ring takes to fill. Whole rings may have come then that `received` does
-  /// not count; what was left of them is counted in `dropped`.
+  /// not count; the rest of them is counted in `dropped`.
   std::uint32_t laps_unknown = 0;
 };
 

@@ -394,7 +394,7 @@ class SendQueue {
     if (number != number_of(before)) tail_.store(word_of(position, number), Orders::frees);
   }
 
-  /// Only the consumer frees memory, so the maximum in use is what it finds before it frees.
+  /// Only the consumer frees memory, so the maximum in use is reached just before it frees.
   void note_peak(Position bytes, Position entries) {
     const Word peak = load(peak_);
     if (bytes <= position_of(peak) && entries <= number_of(peak)) return;

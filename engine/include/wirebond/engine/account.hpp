@@ -1,4 +1,4 @@
-// The counts of a decoder and of a link, with their names: what programs and pages see.
+// The counts of a decoder and of a link, with their names as programs and pages see them.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,8 @@ namespace wirebond::engine {
 
 /// Return bytes, frames, frame_bytes, unknown_frames, fill_bytes, pending_bytes, discarded_bytes and
 /// rejected_candidates by cause, messages by name; sequence: none if frames have no number, or their peers cannot be
-/// told apart, otherwise its counts and `peers`, a list of [address, counts]; unlisted: a list of [id, bytes, frames].
+/// distinguished, otherwise its counts and `peers`, a list of [address, counts]; unlisted: a list of [id, bytes,
+/// frames].
 Node account_node(const ByteAccount<std::uint64_t>& account, const UnlistedKinds& unlisted, std::uint64_t bytes,
                   std::uint64_t pending, const ProtocolTable& protocol, const std::vector<std::uint64_t>& counts,
                   const FormatTable& format, const SequenceAccount& sequence, const ForeignCounts& foreign = {});

@@ -100,8 +100,8 @@ void read_row(const std::vector<FieldTable>& fields, std::size_t place, Walk& wa
 
 }  // namespace detail
 
-/// Find what has no fixed place in the rows. `keep.value(column, field, place, promised, walk)` takes each value that
-/// is no number, and moves the walk past it; `keep.none(column)` stands for one that a row lacks.
+/// Find the parts without a fixed place in the rows. `keep.value(column, field, place, promised, walk)` takes each
+/// value that is not a number, and moves the walk past it; `keep.none(column)` is called for a row that lacks one.
 template <class Keep>
 void read_rows(const MessageTable& message, const Rows& rows, std::vector<Column>& columns, Keep& keep) {
   const bool varies = row_bytes(message) == 0;
@@ -167,7 +167,7 @@ bool stands_as(const FieldTable& field) {
 }
 
 /// Fill `values` with the column's numbers, `field->count` for each row. `value` converts a number's bits to an
-/// element; a row that lacks the column keeps what is there.
+/// element; for a row that lacks the column the element is unchanged.
 template <class T, class Value>
 void fill_column(const Column& column, const Rows& rows, std::size_t stride, T* values, Value value) {
   const FieldTable& field = *column.field;

@@ -20,7 +20,7 @@ struct Path {
   std::string text() const;
 };
 
-/// Return the bits of a number whose pieces lie at several places of `bits`.
+/// Return the bits of a number whose pieces are at several places of `bits`.
 inline std::uint64_t joined_bits(const FieldTable& field, std::uint64_t bits) {
   std::uint64_t raw = 0;
   unsigned done = 0;

@@ -90,7 +90,7 @@ struct FieldTable {
 
   std::vector<FieldTable> fields;  ///< of a structure
 
-  std::shared_ptr<const void> kept;  ///< what a language keeps for this field, such as its names as objects; or null
+  std::shared_ptr<const void> kept;  ///< kept by a language for this field, such as its names as objects; or null
 
   bool is_string() const { return kind == FieldKind::text || kind == FieldKind::bytes; }
 

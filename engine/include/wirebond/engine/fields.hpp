@@ -5,7 +5,7 @@
 //   V::Value            a value that is kept
 //   V::Ref              one that is only looked at
 //   V::List, V::Map     lists and maps while they are made
-//   V::Characters       what keeps the bytes of a text or of bytes, for `view()`
+//   V::Characters       keeps the bytes of a text or of bytes, for `view()`
 //
 // One file: for each kind of value, the way in and the way out.
 #pragma once
@@ -393,7 +393,7 @@ void encode_all(const std::vector<FieldTable>& fields, std::size_t place, typena
       count.field = &field;
       count.at = here + build.shift;
       count.is_given = is_given;
-      if (!is_given) continue;  // it gets the size of what it counts
+      if (!is_given) continue;  // it gets the size of the elements that it counts
       count.number = encode_element<V>(field, *value, own);
     }
     if (!is_given) {

@@ -13,7 +13,7 @@
 
 namespace wirebond::engine {
 
-/// The reads in which some bytes came, and what happened between them.
+/// The reads in which some bytes came, and events between them.
 struct Reads {
   const std::uint64_t* ends = nullptr;  ///< end of each read in the bytes; they do not fall
   const double* times = nullptr;        ///< start of each read, in seconds
@@ -29,7 +29,7 @@ class Follower {
   Follower(std::shared_ptr<const ProtocolTable> protocol, std::shared_ptr<const FormatTable> format,
            double idle_seconds);
 
-  /// Return what these bytes completed. Offsets count from the first byte of all; rows have sizes.
+  /// Return the frames that these bytes completed. Offsets count from the first byte of all; rows have sizes.
   Capture feed(const std::uint8_t* bytes, const Reads& reads);
   /// Note that a read that began at `t` found nothing. Throws std::invalid_argument if `t` is no time.
   Capture idle(double t);

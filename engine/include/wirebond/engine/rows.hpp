@@ -1,4 +1,4 @@
-// Received payloads by message, one after the other: what columns are made of.
+// Received payloads by message, one after the other: the source of columns.
 #pragma once
 
 #include <cstddef>

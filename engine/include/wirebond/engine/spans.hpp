@@ -1,4 +1,4 @@
-// Which bytes of a frame are which value: for a person who looks at it.
+// Which bytes of a frame are which value: for a person who reads it.
 #pragma once
 
 #include <cstddef>

@@ -23,7 +23,7 @@ std::string quoted(std::string_view characters);
 /// Check whether these bytes are UTF-8.
 bool is_utf8(std::string_view bytes);
 
-/// Return the text with U+FFFD for what is not UTF-8: one for each longest part that could have begun a character.
+/// Return the text with U+FFFD for invalid UTF-8: one for each longest part that could have begun a character.
 std::string with_replacements(std::string_view bytes);
 
 }  // namespace wirebond::engine
