@@ -60,7 +60,7 @@ def test_engine_and_reference_agree_on_hard_streams(name: str, sender: End | Non
 
 
 @pytest.mark.parametrize("name", sorted(FORMATS))
-def test_columns_hold_what_the_decoder_delivers(name: str) -> None:
+def test_columns_hold_the_decoders_values(name: str) -> None:
     proto = loaded(FORMATS[name])
     stream = stream_for(proto, random.Random(name))
     sender = None if can_be_told(proto, None) else End.MCU

@@ -54,7 +54,7 @@ class TestWrongArguments:
         with pytest.raises(wirebond.UsageError, match="expected 1 or more"):
             DIFFDRIVE.decode_columns(FRAME, threads=threads)
 
-    def test_what_a_values_own_conversion_raises_comes_through(self) -> None:
+    def test_an_exception_of_a_values_own_conversion_comes_through(self) -> None:
         with pytest.raises(ZeroDivisionError, match="mine"):
             DIFFDRIVE.encode("velocity", linear=Stubborn(ZeroDivisionError("mine")), angular=0)
         with pytest.raises(ZeroDivisionError, match="mine"):

@@ -134,7 +134,7 @@ def test_a_link_on_a_cortex_m4_takes_little_memory_and_its_stack_has_a_bound() -
         *(pytest.param(name, marks=LONG) for name in NO_TABLES),
     ],
 )
-def test_no_table_of_the_frame_format_lies_in_flash(name: str) -> None:
+def test_no_table_of_the_frame_format_is_in_flash(name: str) -> None:
     """It has room for the largest format that there can be, ten kilobytes: all of it folds into the code. Of the
     formats here some are stuffed or numbered, and two have several forms."""
     sizes = replace(m4_runtime.OTHERS, receive=2048, send=2048)
@@ -142,7 +142,7 @@ def test_no_table_of_the_frame_format_lies_in_flash(name: str) -> None:
     assert not [symbol for symbol in program.symbols if "format_from" in symbol]
 
 
-def test_a_servo_on_a_cortex_m4_answers_what_is_for_it_alone_and_takes_little_memory() -> None:
+def test_a_servo_on_a_cortex_m4_answers_only_its_own_frames_and_takes_little_memory() -> None:
     """`measure_servo` fails where it answers another's request or a broadcast, or not its own."""
     found = {figure.key: figure.value for figure in m4_runtime.measure_servo()}
     assert found["m4_servo_flash_bytes"] < 8 * 1024

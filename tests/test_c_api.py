@@ -319,7 +319,7 @@ def test_folder_builds_as_a_subdirectory_of_a_c_project(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_request_tells_which_reply_is_meant(tmp_path: Path) -> None:
+def test_a_request_decides_which_reply_is_meant(tmp_path: Path) -> None:
     codec = wirebond.load(ROOT / "tests" / "formats" / "by_request.yaml")
     model = codec.model
     generate_c(model, tmp_path)

@@ -150,7 +150,9 @@ void report(diffdrive_link_t* link, const diffdrive_status_t* status) {{
         "diffdrive_decode_status(frame, size, &read)",
     ],
 )
-def test_an_answer_that_nobody_looks_at_is_told(compiler: str, call: str, generated: Path, tmp_path: Path) -> None:
+def test_an_answer_that_no_program_awaits_is_reported(
+    compiler: str, call: str, generated: Path, tmp_path: Path
+) -> None:
     """docs/c.md says so, and what to write."""
 
     def said(statement: str) -> str:

@@ -52,7 +52,7 @@ def test_its_own_bits_count_as_zeros() -> None:
     assert (message.fields["data"], message.header["counter"]) == (b"abcd", 9)
 
 
-def test_a_value_lies_in_two_pieces() -> None:
+def test_a_value_is_in_two_pieces() -> None:
     made = codec(PIECES)
     raw = made.encode("data", data=bytes.fromhex("10 20 30 0f"))
     assert raw.hex() == "5a01" + "1020300f" + "3730"  # 0x70, a digit in each of two characters
@@ -60,7 +60,7 @@ def test_a_value_lies_in_two_pieces() -> None:
     assert message.fields["data"].hex() == "1020300f"
 
 
-def test_a_check_of_the_header_lies_in_its_bits() -> None:
+def test_a_check_of_the_header_is_in_its_bits() -> None:
     made = codec(HEADER)
     raw = made.encode("data", data=b"abcd", header={"spare": 17})
     decoder = made.decoder("mcu")
@@ -132,7 +132,7 @@ def test_diff_names_the_part_once() -> None:
         ),
     ],
 )
-def test_what_cannot_be_is_said(frame: str, sentence: str) -> None:
+def test_the_impossible_gets_a_sentence(frame: str, sentence: str) -> None:
     with pytest.raises(ProtocolFileError) as error:
         codec(frame)
     assert sentence in str(error.value)

@@ -63,7 +63,7 @@ def protocols() -> list[tuple[str, Codec]]:
     return found
 
 
-def test_each_sentence_that_the_page_is_told_has_a_chinese_one() -> None:
+def test_each_sentence_for_the_page_has_a_chinese_one() -> None:
     said = {text for pattern in SHOWN for path in PACKAGE.glob(pattern) for text in sentences(path.read_text("utf-8"))}
     said = {text for text in said if " " in text.strip() and not NOT_SHOWN.search(text)}
     assert len(said) > 40  # it finds them
@@ -147,7 +147,7 @@ def test_both_documents_have_the_same_lines_of_code_and_the_same_rows() -> None:
         assert {row.count("|") for row in english} == {row.count("|") for row in translated}
 
 
-def test_what_the_file_says_stays_in_its_own_words() -> None:
+def test_the_files_own_texts_are_not_translated() -> None:
     text = (ROOT / "protocols" / "diffdrive.yaml").read_text(encoding="utf-8")
     own = "up to 3 of them or 2 of the base, always 1"
     codec = Codec(loads(re.sub("(description: ).*", rf"\1{own}", text, count=1)))
@@ -163,7 +163,7 @@ def test_a_sentence_within_a_sentence_is_translated_and_names_are_not() -> None:
     assert chinese("the battery is low, said the firmware") is None
 
 
-def test_a_twin_stands_beside_each_sentence_that_has_one() -> None:
+def test_a_twin_is_beside_each_sentence_that_has_one() -> None:
     told = {"why": "it is being opened", "port": "it is being opened", "problems": ["its length is wrong", "own words"]}
     assert with_chinese(told, "why", "problems", "missing") == {
         **told,
@@ -185,7 +185,7 @@ def test_a_table_that_is_wrong_is_refused(wrong: str) -> None:
         read_pairs(wrong)
 
 
-def test_no_english_sentence_stands_twice() -> None:
+def test_no_english_sentence_appears_twice() -> None:
     for names in (("link", "server", "values", "recordings", "system"), ("document", "explained"), ("columns",)):
         table = Table(*names)
         english = [tuple(pair.literals) for pair in table.pairs]

@@ -295,7 +295,7 @@ messages:
     g=st.floats(width=32, allow_nan=False, allow_infinity=False), h=st.floats(allow_nan=False, allow_infinity=False),
     k=st.lists(st.integers(-(2**23), 2**23 - 1), min_size=2, max_size=2),
 )  # fmt: skip
-def test_every_number_type_lies_on_the_wire_as_struct_packs_it(**values: object) -> None:
+def test_every_number_type_is_on_the_wire_as_struct_packs_it(**values: object) -> None:
     proto = wirebond.Codec(loads(NUMBERS))
     k = values.pop("k")
     assert isinstance(k, list)

@@ -406,7 +406,7 @@ def test_the_id_that_is_sent_chooses_the_form(tmp_path: Path) -> None:
         codec.encode("m", {"x": 5}, header={"id": 0x70, "extra": 1})
 
 
-def test_what_a_length_run_counts_is_said_beside_the_runs() -> None:
+def test_the_unit_of_a_length_is_shown_beside_its_bits() -> None:
     with pytest.raises(ProtocolFileError, match="`counts` belongs to the whole part"):
         protocol(
             "refused",

@@ -43,7 +43,7 @@ LONGER = [
 
 
 @pytest.mark.parametrize(("number", "sender", "payload", "at"), LONGER)
-def test_a_payload_longer_than_its_counts_tell_is_a_false_start(
+def test_a_payload_longer_than_its_counts_allow_is_a_false_start(
     number: int, sender: End, payload: bytes, at: int
 ) -> None:
     good = framed(number, payload)
@@ -72,7 +72,7 @@ def test_where_unknown_is_delivered_the_rest_is_ignored(number: int, sender: End
     assert message.fields == DELIVERING.decoder(sender).feed(framed(number, payload))[0].fields
 
 
-def test_it_says_what_the_counts_tell() -> None:
+def test_it_explains_the_counts() -> None:
     (stretch, *_) = explain(CODEC.model, framed(1, bytes.fromhex("02 0100 0200 0300")), End.MCU).stretches
     assert stretch.cause == "unknown_message"
     assert stretch.summary == "payload: expected at most 5 payload bytes with number 2 for readings, found 7"

@@ -232,7 +232,7 @@ def test_a_capture_is_decoded_alike_by_any_number_of_threads(name: str) -> None:
                 np.testing.assert_array_equal(together[message][field], column)
 
 
-def test_progress_of_a_large_capture_is_told_and_may_stop_it() -> None:
+def test_progress_of_a_large_capture_is_reported_and_may_stop_it() -> None:
     proto = codec("enterprize")
     capture = proto.encode("chassis_cmd", x_vel=1, y_vel=2, w_vel=3) * 400_000
     told: list[tuple[int, int]] = []
@@ -250,7 +250,7 @@ def test_progress_of_a_large_capture_is_told_and_may_stop_it() -> None:
         proto.decode_columns(capture, "host", threads=0)
 
 
-def test_the_block_behind_one_that_was_too_long_is_a_block_of_its_own() -> None:
+def test_the_block_after_one_that_was_too_long_is_a_block_of_its_own() -> None:
     """For formats whose frames end by silence. The bytes before are discarded at once, so nothing is left to give
     up."""
     proto = load(ROOT / "tests" / "formats" / "modbus_rtu.yaml")
@@ -263,7 +263,7 @@ def test_the_block_behind_one_that_was_too_long_is_a_block_of_its_own() -> None:
 
 
 @pytest.mark.parametrize("chunk", [1, 5, 1000])
-def test_what_is_missing_is_not_taken_from_an_earlier_frame(chunk: int) -> None:
+def test_missing_bytes_are_not_taken_from_an_earlier_frame(chunk: int) -> None:
     """The rest of a frame that was given up may still lie in memory, where the frame before left it."""
     proto = codec("enterprize")
     frame = proto.encode("field_msg", FIELD_MSG)

@@ -151,7 +151,7 @@ def test_the_payload_counts_as_it_is_sent_and_only_where_it_is_covered(parts: st
 
 @pytest.mark.parametrize("width", range(3, 8))
 @pytest.mark.parametrize("steps", ["", ", negate: true", ", plus: 5", ", negate: true, plus: 2, mask: 3, xorout: 1"])
-def test_a_crc_of_fewer_than_eight_bits_has_no_more_of_them_behind_its_last_steps(width: int, steps: str) -> None:
+def test_a_crc_of_fewer_than_eight_bits_has_no_more_of_them_after_its_last_steps(width: int, steps: str) -> None:
     for refin, refout in product(("true", "false"), repeat=2):
         check = f"{{type: crc, width: {width}, poly: 3, init: 1, refin: {refin}, refout: {refout}{steps}}}"
         protocol = loads(

@@ -146,12 +146,12 @@ def test_a_payload_without_the_end_is_delivered_with_its_violation(payload: str,
         ('{type: text, max: 4, ends_with: 0x61, default: "na"}', "`x` would end at its first 0x61"),
     ],
 )
-def test_a_wrong_file_is_told_what_to_write(field: str, sentence: str) -> None:
+def test_a_wrong_file_gets_a_sentence_with_what_to_write(field: str, sentence: str) -> None:
     with pytest.raises(ProtocolFileError, match=sentence.replace("(", r"\(")):
         loads(TEXT.split("      count:", maxsplit=1)[0] + f"      x: {field}\n")
 
 
-def test_a_frame_that_does_not_tell_the_size_cannot_carry_it() -> None:
+def test_a_frame_without_a_size_cannot_carry_it() -> None:
     with pytest.raises(ProtocolFileError, match="varies in size"):
         loads(TEXT.replace("length: u8, ", "").replace("by_length", "by_id").replace("max_payload: 64\n", ""))
 

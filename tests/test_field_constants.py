@@ -62,7 +62,7 @@ def test_a_frame_that_breaks_a_constant_is_no_frame_and_is_looked_through_again(
         assert decoder.stats.rejected_candidates.get("constant_mismatch", 0) == (len(names) == 1)
 
 
-def test_constants_behind_what_varies_are_found() -> None:
+def test_constants_after_variable_parts_are_found() -> None:
     for count in range(7):
         values = {"name": "x" * (2 * count), "readings": [5] * count, "rest": b"\1\2"}
         frame = CODEC.encode("named", values)

@@ -173,7 +173,7 @@ def test_decimal_digits_lie_as_their_number_is_written(
     assert message.violations == []
 
 
-def test_what_is_no_decimal_digit_is_refused() -> None:
+def test_an_invalid_decimal_digit_is_refused() -> None:
     values = {"one": 12, "meters": 0.5, "many": 3, "mode": "slow", "near": 200, "packed": [1, 2, 3]}
     values["bits"] = {"start": 0, "number": 4}
     values |= {"apart": {"a": 0, "number": 7, "b": 0, "c": 0}, "three": {"x": -1.5, "f": False, "y": 9}}
@@ -219,7 +219,7 @@ def test_a_value_whose_bits_lie_apart_is_gathered_from_its_pieces(number: int, x
         ("a: u4, b: {type: u4, continues: a}, c: {type: u4, continues: b}", "no value before this one is called `b`"),
     ],
 )
-def test_what_cannot_continue_a_value(fields: str, sentence: str) -> None:
+def test_fields_that_cannot_continue_a_value(fields: str, sentence: str) -> None:
     with pytest.raises(wirebond.ProtocolFileError, match=re.escape(sentence)):
         of_fields(f"x: {{bits: {{type: u64, fields: {{{fields}}}}}}}")
 
@@ -257,7 +257,7 @@ def test_a_constant_of_decimal_digits_is_its_digits() -> None:
         ("{type: bcd32, clock: mcu, unit: us}", "`clock` is for one unsigned number"),
     ],
 )
-def test_what_decimal_digits_cannot_have(field: str, sentence: str) -> None:
+def test_keys_that_decimal_digits_cannot_have(field: str, sentence: str) -> None:
     with pytest.raises(wirebond.ProtocolFileError, match=re.escape(sentence)):
         of_fields(f"x: {field}")
 
@@ -303,7 +303,7 @@ def test_structs_and_groups_lie_as_packed_by_hand() -> None:
     assert payload_of("scan", message.fields) == SCAN_BYTES
 
 
-def test_what_is_left_out_takes_its_default() -> None:
+def test_missing_values_take_their_default() -> None:
     payload = payload_of("defaults", {})
     assert payload == struct.pack("<3h2f", 1, -2, 3, 0.5, 0.5) + b"\x01\x01\x01\x00\x09\x01\x02\x00\x09\x07\x08"
     assert received("defaults", payload).fields["place"] == {"x": 9}

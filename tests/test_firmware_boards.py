@@ -44,12 +44,12 @@ def refusal(build: Path, *options: str) -> str:
     return " ".join(done.stderr.split())
 
 
-def test_a_missing_path_is_told_in_a_sentence(tmp_path: Path) -> None:
+def test_a_missing_path_gets_a_sentence(tmp_path: Path) -> None:
     said = refusal(tmp_path, "-DBOARD=stm32g473")
     assert "the vendor's HAL is missing: add -DSTM32_HAL_PATH=<folder>, a copy of STM32CubeG4" in said
 
 
-def test_a_path_without_a_hal_is_told_in_a_sentence(tmp_path: Path) -> None:
+def test_a_path_without_a_hal_gets_a_sentence(tmp_path: Path) -> None:
     said = refusal(tmp_path / "build", f"-DSTM32_HAL_PATH={tmp_path}")
     assert f"STM32_HAL_PATH is {tmp_path}, and 0 folders Drivers/STM32F4xx_HAL_Driver lie there" in said
 
@@ -61,7 +61,7 @@ def test_a_path_to_half_a_package_names_what_it_lacks(tmp_path: Path) -> None:
     assert f"STM32_HAL_PATH lacks {include / 'stm32f4xx_hal.h'}; it must be a whole STM32CubeF4" in said
 
 
-def test_an_unknown_board_is_told_in_a_sentence(tmp_path: Path) -> None:
+def test_an_unknown_board_gets_a_sentence(tmp_path: Path) -> None:
     assert "BOARD is 'stm32f103'; it can be stm32f407 or stm32g473" in refusal(tmp_path, "-DBOARD=stm32f103")
 
 

@@ -220,7 +220,7 @@ int main() {
 """
 
 
-def test_its_rover_stands_still_in_safe_mode_until_somebody_recovers(project: Path) -> None:
+def test_its_rover_does_not_move_in_safe_mode_until_it_is_recovered(project: Path) -> None:
     """The source file itself runs: it drove on in safe mode once, and everybody copies it."""
     ports = ROOT / "ports"
     main = project / "Core/Src/drives.cpp"
@@ -561,7 +561,7 @@ def test_a_port_beside_one_amalgamated_header_needs_no_other(project: Path) -> N
         (["--lang", "c", "--port", "posix"], "there is no --port posix in C"),
     ],
 )
-def test_what_cannot_be_started_is_said(
+def test_a_failed_start_gets_a_sentence(
     options: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "generated"

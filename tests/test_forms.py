@@ -104,7 +104,7 @@ def printed_by_cpp(model: Protocol, calls: list[str], folder: Path) -> list[str]
     return run([str(folder / "main")]).splitlines()
 
 
-def test_payload_size_chooses_the_form_whose_length_can_tell_it() -> None:
+def test_payload_size_chooses_the_form_whose_length_can_hold_it() -> None:
     codec = Codec(WIDTHS)
     for size in (0, 1, 255, 256, 300, 400):
         frame = round_trip(codec, "block", "mcu", data=bytes(size))
@@ -151,7 +151,7 @@ def test_header_values_that_ask_for_a_narrow_length_are_refused_with_a_sentence(
         codec.encode("block", data=bytes(300), header={"flags": 0})
 
 
-def test_what_a_length_counts_leaves_out_the_parts_of_other_forms() -> None:
+def test_a_length_does_not_count_the_parts_of_other_forms() -> None:
     """The reserved bytes stand beside one of the two lengths, so a payload of 250 bytes fits the other form."""
     codec = Codec(WORDS)
     assert len(round_trip(codec, "block", "mcu", data=bytes(range(250)))) == 255
@@ -246,7 +246,7 @@ def test_id_0_and_no_id_are_two_messages_at_both_ends(tmp_path: Path) -> None:
     assert stretch.message == "stop"
 
 
-def test_the_hash_tells_id_0_from_no_id() -> None:
+def test_the_hash_distinguishes_id_0_from_no_id() -> None:
     text = "{stop: {%ssender: host}}"
     frame = f"magic: {{any: [0xA1, 0xA2]}}, length: u8, {{id: u8, when: magic == 0xA2}}, payload: by_length, {CRC}"
     without, zero = (protocol("optional_id", frame, text % head) for head in ("", "id: 0, "))
@@ -279,7 +279,7 @@ def test_an_id_that_no_form_of_the_sender_has_is_refused() -> None:
         ("{a: {id: 0xFFFFFFFF, sender: mcu}}", "does not fit the frame's id part, whose maximum is 4294967294"),
     ],
 )
-def test_what_a_frame_without_an_id_cannot_tell_is_refused(messages: str, sentence: str) -> None:
+def test_ambiguous_messages_of_frames_without_an_id_are_refused(messages: str, sentence: str) -> None:
     frame = f"magic: {{any: [0xA1, 0xA2]}}, length: u8, {{id: u32, when: magic == 0xA2}}, payload: by_length, {CRC}"
     with pytest.raises(ProtocolFileError, match=sentence):
         protocol("optional_id", frame, messages)
@@ -291,7 +291,7 @@ def test_a_message_of_both_ends_needs_frames_that_both_have_an_id_or_none() -> N
         protocol("one_way_id", frame, "{tell: {sender: both}}")
 
 
-def test_of_two_forms_that_blame_as_much_the_one_that_was_examined_further_is_told() -> None:
+def test_of_two_forms_that_blame_as_much_the_one_examined_further_is_reported() -> None:
     """The form for long payloads comes first, and its size does not hold; the other one's header check fails."""
     frame = "frame:\n  - magic: 0xA5\n  - length: u8\n  - id: u8\n  - check: {type: crc-8/smbus, over: length..id}\n"
     frame += "  - payload: by_length\n  - {reserved: 2, when: size <= 20}\n"

@@ -102,7 +102,7 @@ def test_header_values_choose_the_form_and_a_value_that_no_form_of_them_has_is_r
         codec.encode("move", x=1, header={"extra": 513})
 
 
-def test_a_magic_that_no_frame_has_is_told_with_its_number() -> None:
+def test_a_magic_that_no_frame_has_is_reported_with_its_number() -> None:
     codec = Codec(loads(BUS.replace("- magic: 0xFF 0xFF", "- magic: {any: [0xFF 0xFF, 0xFF 0xFE]}")))
     assert codec.encode("move", x=1, header={"magic": 0xFFFE})[:2] == b"\xff\xfe"
     with pytest.raises(MessageError, match=r"no form .* the header fields magic 65533 \(0xFFFD\) together"):

@@ -91,7 +91,7 @@ def test_commands_without_a_port_do_the_same_as_on_linux(tmp_path: Path) -> None
         assert (tmp_path / "there" / path).read_bytes() == (tmp_path / "here" / path).read_bytes(), path
 
 
-def test_commands_that_need_what_windows_has_not_say_so(tmp_path: Path) -> None:
+def test_commands_that_windows_cannot_run_say_so(tmp_path: Path) -> None:
     found = like_windows([list(command) for command in NOT_THERE], tmp_path)
     for (command, sentence), (code, text) in zip(NOT_THERE.items(), found, strict=True):
         assert (code, sentence in text) == (2, True), (command, text)

@@ -61,7 +61,7 @@ def received(frame: bytes, sender: str) -> list[tuple[str, dict[str, Any], dict[
         ),
     ],
 )
-def test_a_sender_writes_what_tells_the_message_and_a_receiver_reads_it(
+def test_a_sender_writes_the_identifying_values_and_a_receiver_reads_them(
     name: str, values: dict[str, Any], header: dict[str, Any], sender: str, wire: str
 ) -> None:
     frame = CODEC.encode(name, values, header=header)
@@ -317,18 +317,18 @@ def with_messages(messages: str, frame: str = LENGTH) -> str:
         ),
     ],
 )  # fmt: skip
-def test_mistakes_of_a_match_are_told(text: str, sentence: str) -> None:
+def test_mistakes_of_a_match_are_reported(text: str, sentence: str) -> None:
     assert sentence in faults(text)
 
 
-def test_the_hash_covers_what_tells_messages() -> None:
+def test_the_hash_covers_the_conditions_of_messages() -> None:
     one, two = (
         load_text(with_messages(f"  a: {{id: {ids}, sender: host}}\n")).model for ids in ("0x01", "[0x01, 0x02]")
     )
     assert protocol_hash(one) != protocol_hash(two)
 
 
-def test_explain_and_doc_say_what_tells_a_message() -> None:
+def test_explain_and_doc_say_how_a_message_is_identified() -> None:
     text = markdown(CODEC)
     assert "Id 0x80..0xFF, sent by the MCU." in text
     assert "with kind 1" in text

@@ -51,7 +51,7 @@ def test_values_keep_their_places_while_they_change() -> None:
     assert lines({"speed": 7, "mode": "idle"}, widths=widths) == [f"{HEAD}  speed    7  mode idle"]
 
 
-def test_units_stand_behind_their_values() -> None:
+def test_units_follow_their_values() -> None:
     model = loads(template_text("native", "legs", {"joints": 3, "battery": 1}), "legs.yaml")
     units = units_of(model.message("joint_states").fields)
     assert units == {
@@ -80,7 +80,7 @@ def test_a_value_that_is_wider_than_the_terminal_is_broken_and_not_cut() -> None
     assert text in "".join(line.strip() for line in shown)
 
 
-def test_what_is_said_and_what_is_wrong_stand_there_whole() -> None:
+def test_texts_and_faults_are_shown_whole() -> None:
     wrong = "position 9 rad is outside -3 ... 3 rad; velocity 99 rad/s is outside -9 ... 9 rad/s"
     shown = lines({"joints": JOINTS}, said=Text("[servo 3]"), wrong=wrong)
     assert shown[1] == "  [servo 3]"

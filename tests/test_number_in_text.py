@@ -52,7 +52,7 @@ def test_a_line_of_a_sensor_is_read_and_written() -> None:
         ("-327.69", None), ("99999999999999999999", None), ("1\0", None), ("\xb2", None),
     ],
 )  # fmt: skip
-def test_what_is_a_number_and_what_is_none(text: str, value: float | None) -> None:
+def test_texts_that_are_numbers_and_texts_that_are_not(text: str, value: float | None) -> None:
     codec = line_of("x: {type: i16, text: decimal, decimals: 2, max: 20}")
     message = read(codec, text.encode("latin-1"))
     assert message.fields == {"x": value}
@@ -97,7 +97,7 @@ def test_digits_are_those_of_the_number(wire: int, decimals: int, size: int) -> 
     assert read(codec, f"{spelled} {padded}".encode()).fields == given_values
 
 
-def test_a_number_that_is_not_ended_has_no_value_and_what_follows_keeps_its_place() -> None:
+def test_a_number_that_is_not_ended_has_no_value_and_later_ones_keep_their_place() -> None:
     codec = line_of("x: {type: u8, text: decimal, ends_with: 0x2C}, y: {type: u8, text: decimal}")
     message = read(codec, b"1234,5")
     assert message.fields["x"] is None
@@ -122,7 +122,7 @@ def test_in_groups_each_element_has_its_own_size() -> None:
         ({"x": "1"}, "m.x is '1' (str); expected"),
     ],
 )
-def test_what_cannot_be_sent(values: dict[str, Any], sentence: str) -> None:
+def test_values_that_cannot_be_sent(values: dict[str, Any], sentence: str) -> None:
     with pytest.raises(wirebond.MessageError, match=re.escape(sentence)):
         line_of("x: {type: u16, text: decimal, size: 3}").encode("m", values)
 
@@ -155,7 +155,7 @@ def test_what_cannot_be_sent(values: dict[str, Any], sentence: str) -> None:
         ),
     ],
 )
-def test_what_a_number_in_characters_cannot_have(fields: str, sentence: str) -> None:
+def test_keys_that_a_number_in_characters_cannot_have(fields: str, sentence: str) -> None:
     with pytest.raises(wirebond.ProtocolFileError, match=re.escape(sentence)):
         line_of(fields)
 
@@ -183,7 +183,7 @@ def test_a_check_in_decimal_digits_has_as_many_as_it_needs(text: str, check: str
         (b"T0*356", "bad_stuffing"), (b"T0*10 ", "bad_stuffing"), (b"", ""),
     ],
 )  # fmt: skip
-def test_what_a_receiver_takes_and_counts(line: bytes, cause: str) -> None:
+def test_values_that_a_receiver_takes_and_counts(line: bytes, cause: str) -> None:
     decoder = checked().decoder("mcu")
     found = decoder.feed(line + b"\n")
     assert len(found) == (not cause and line != b"")

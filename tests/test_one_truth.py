@@ -124,7 +124,7 @@ def form_in_cpp(form: plan.Form) -> str:
 
 
 @pytest.mark.live
-def test_both_ends_agree_on_what_a_length_can_tell(tmp_path: Path) -> None:
+def test_both_ends_agree_on_the_range_of_a_length(tmp_path: Path) -> None:
     forms = [form_with(length) for length in LENGTHS]
     (tmp_path / "main.cpp").write_text(CARRIES.format(forms=", ".join(map(form_in_cpp, forms)), sizes=SIZES))
     run([CXX, "-std=c++17", f"-I{CORE}", str(tmp_path / "main.cpp"), "-o", str(tmp_path / "main")])

@@ -40,7 +40,7 @@ def test_each_reply_is_what_was_asked_for(name: str) -> None:
     assert account_closes(decoder.stats)
 
 
-def test_a_shared_id_means_what_nobody_asks_for_until_a_request_goes_out() -> None:
+def test_a_shared_id_means_the_unrequested_message_until_a_request_leaves() -> None:
     proto = loaded(FORMATS["shared_ids"])
     status = proto.encode("status", code=3)
     decoder = proto.decoder("mcu")
@@ -142,7 +142,7 @@ int main() {
 """
 
 
-def test_a_generated_receiver_is_told_what_was_asked(tmp_path: Path) -> None:
+def test_a_generated_receiver_learns_what_was_asked(tmp_path: Path) -> None:
     generate_cpp(loaded(FORMATS["by_request"]).model, tmp_path)
     (tmp_path / "asking.cpp").write_text(ASKING)
     program = tmp_path / "asking"

@@ -30,7 +30,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     return made
 
 
-def test_there_is_a_last_round_behind_the_end(clock: Clock) -> None:
+def test_there_is_a_last_round_after_the_end(clock: Clock) -> None:
     found = []
     for left in time_left(1.0):
         found.append(left)

@@ -147,7 +147,7 @@ def wire_numbers(field: Field, payload: bytes) -> list[int]:
 
 
 @pytest.mark.live
-def test_columns_hold_what_single_messages_hold(ends: tuple[Codec, list[Message], Answer]) -> None:
+def test_columns_hold_the_values_of_single_messages(ends: tuple[Codec, list[Message], Answer]) -> None:
     codec, messages, _ = ends
     columns = codec.decode_columns(b"".join(message.raw for message in messages), sender="mcu")
     for number, text in enumerate(ALL):
@@ -162,7 +162,7 @@ def test_columns_hold_what_single_messages_hold(ends: tuple[Codec, list[Message]
 
 
 @pytest.mark.live
-def test_explain_reads_what_the_engine_reads(ends: tuple[Codec, list[Message], Answer]) -> None:
+def test_explain_reads_the_same_values_as_the_engine(ends: tuple[Codec, list[Message], Answer]) -> None:
     codec, messages, _ = ends
     for message in messages:
         readings = read_fields(codec.model.message(message.name), message.payload)

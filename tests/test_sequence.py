@@ -82,7 +82,7 @@ def test_each_message_has_its_own_count_where_the_file_says_so() -> None:
 
 
 @pytest.mark.parametrize("address", ["mcu", "sender"])
-def test_peers_are_told_apart_by_their_address(address: str) -> None:
+def test_peers_are_distinguished_by_their_address(address: str) -> None:
     heard = [(1, 0), (2, 90), (1, 1), (2, 91), (1, 3), (2, 91)]
     found = fed(codec_of(address=address), *(("tick", {"station": s, "sequence": n}) for s, n in heard)).stats.sequence
     assert found is not None
@@ -94,7 +94,7 @@ def test_peers_are_told_apart_by_their_address(address: str) -> None:
     assert found.as_dict()["peers"]["1"]["loss"] == 0.25
 
 
-def test_both_ends_in_one_stream_are_counted_only_where_frames_say_who_sent_them() -> None:
+def test_both_ends_in_one_stream_are_counted_only_if_frames_name_their_sender() -> None:
     assert fed(codec_of(), ("tick", {"sequence": 1}), sender=None).stats.sequence is None
     assert fed(codec_of(address="sender"), ("tick", {"sequence": 1}), sender=None).stats.sequence is not None
 
@@ -140,7 +140,7 @@ def test_per_message_is_in_the_hash_and_per_sender_changes_none() -> None:
     ],
     ids=["by_length", "by_id"],
 )
-def test_the_host_numbers_frames_whose_form_only_their_size_tells(parts: str, fields: str) -> None:
+def test_the_host_numbers_frames_whose_form_only_their_size_decides(parts: str, fields: str) -> None:
     frame = f"frame: [magic: 0xA5, sequence: u8, {parts}, check: sum16, {{reserved: 2, when: size <= 4}}]\n"
     codec = wirebond.Codec(loads(HEAD + frame + f"messages: {{data: {{id: 1, sender: host, fields: {fields}}}}}\n"))
     core = _engine.LinkCore(

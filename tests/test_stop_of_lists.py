@@ -184,7 +184,7 @@ def test_a_lease_and_a_program_end_with_it(served: Served, is_attached: bool) ->
     assert bytes_until(served.pty, [walk, STOP[0]]).endswith(STOP[0])
 
 
-def test_the_command_line_says_that_the_safe_value_follows_what_is_no_stop(served: Served) -> None:
+def test_the_command_line_says_that_the_safe_value_follows_other_commands_than_a_stop(served: Served) -> None:
     values = [f"{name}={json.dumps(value)}" for name, value in JOINTS.items() if isinstance(value, list)]
     for mode, follows in (("hold", False), ("walk", True)):
         done = command("send", str(FILE), served.address, "joints", f"mode={mode}", "by=stop", *values)

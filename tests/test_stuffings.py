@@ -24,7 +24,7 @@ def format_of(name: str) -> Codec:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_what_the_maker_prints_is_what_is_sent_and_understood(name: str) -> None:
+def test_examples_printed_by_the_maker_are_sent_and_understood(name: str) -> None:
     codec = format_of(name)
     assert codec.model.examples
     for example in codec.model.examples:
@@ -108,7 +108,7 @@ def draw(name: str, size: int, source: random.Random) -> Any:
         ("00 FF FF", "00 FF FF"),
     ],
 )
-def test_a_byte_is_inserted_behind_the_sequence_and_the_length_counts_it(data: str, stuffed: str) -> None:
+def test_a_byte_is_inserted_after_the_sequence_and_the_length_counts_it(data: str, stuffed: str) -> None:
     codec = format_of("dynamixel2")
     content = bytes.fromhex(data)
     frame = codec.encode("write", {"address": 0x0101, "data": content})
@@ -227,12 +227,12 @@ TAIL = "messages:\n  m: {id: 0x10, sender: host, fields: {x: {type: u8}}}\n"
         ),
     ],
 )
-def test_the_loader_says_what_cannot_be(frame: str, sentence: str) -> None:
+def test_the_loader_reports_the_impossible(frame: str, sentence: str) -> None:
     with pytest.raises(ProtocolFileError, match=sentence):
         loads(HEAD.replace("frame:\n", f"frame: {frame}\n") + TAIL)
 
 
-def test_a_length_that_cannot_tell_the_stuffed_bytes_is_refused_by_the_loader() -> None:
+def test_a_length_too_narrow_for_the_stuffed_bytes_is_refused_by_the_loader() -> None:
     text = HEAD + "  - magic: 0x55\n  - length: u8\n"
     text += "  - inserted: {after: 0x01 0x02, byte: 0x03, parts: [payload: by_length]}\n"
     for size, fits in ((168, True), (200, False)):
@@ -273,7 +273,7 @@ def test_a_check_over_a_length_of_stuffed_bytes_covers_what_is_sent(frame: str) 
 
 
 @pytest.mark.parametrize("stuffing", ["escaped: {escape: 0x7D, xor: 0x20", "inserted: {after: 0x01 0x02, byte: 0x03"])
-def test_counts_tell_the_size_of_a_stuffed_frame_that_nothing_else_ends(stuffing: str) -> None:
+def test_counts_give_the_size_of_a_stuffed_frame_that_nothing_else_ends(stuffing: str) -> None:
     text = HEAD + f"  - magic: 0x55\n  - {stuffing}, parts: [id: u8, payload: by_id, check: crc-16/modbus]}}\n"
     text += "messages:\n  m:\n    id: 0x81\n    sender: mcu\n"
     text += "    fields: {n: {type: u8}, xs: {type: u8, count: n, max: 9}, k: {type: u16}, "

@@ -51,7 +51,7 @@ def test_replies_of_every_length_and_shorter_errors_follow_each_other_without_a_
         assert decoder.stats.pending_bytes == 0
 
 
-def test_a_frame_waits_for_no_byte_more_than_its_counts_tell() -> None:
+def test_a_frame_waits_for_no_more_bytes_than_its_counts_give() -> None:
     frame = CODEC.encode("two_counts", values=[1, -2], samples=[{"level": 1, "quality": 2}], inner={"text": "abc"})
     decoder = CODEC.decoder("host")
     assert decoder.feed(frame[:-1]) == []
@@ -148,7 +148,7 @@ def framed(body: bytes) -> bytes:
     return whole + bytes([checksum(ALGORITHMS["crc-8/smbus"], whole)])
 
 
-def test_where_a_length_tells_the_size_wrong_counts_are_violations(tmp_path: Path) -> None:
+def test_with_a_length_wrong_counts_are_violations(tmp_path: Path) -> None:
     file = tmp_path / "longer.yaml"
     file.write_text(LONGER)
     codec = load(file)
@@ -164,7 +164,7 @@ def test_where_a_length_tells_the_size_wrong_counts_are_violations(tmp_path: Pat
         assert message.violations == faults
 
 
-def test_a_constant_behind_bytes_that_are_no_number_of_elements_has_no_place(tmp_path: Path) -> None:
+def test_a_constant_after_bytes_that_are_no_number_of_elements_has_no_place(tmp_path: Path) -> None:
     file = tmp_path / "longer.yaml"
     file.write_text(LONGER)
     codec = load(file)

@@ -72,7 +72,7 @@ def spoken(peer: Codec, number: int, seed: int) -> tuple[list[bytes], Counter[tu
 
 @pytest.mark.parametrize("frame", [SEEDED, WEAK], ids=["seeded", "weak"])
 @pytest.mark.parametrize("size", [1, 7, 100_000])
-def test_their_ids_sizes_and_counts_are_told_whatever_the_pieces(frame: str, size: int) -> None:
+def test_their_ids_sizes_and_counts_are_reported_whatever_the_pieces(frame: str, size: int) -> None:
     peer, codec = pair(frame)
     frames, kinds = spoken(peer, 400, seed=3)
     stream = b"".join(frames)
@@ -110,7 +110,7 @@ def test_escapes_move_the_end_that_shows(frame: str, size: int) -> None:
 
 @pytest.mark.parametrize("frame", BLOCKS.values(), ids=BLOCKS)
 @pytest.mark.parametrize("size", [1, 7, 100_000])
-def test_between_delimiters_they_are_told_too(frame: str, size: int) -> None:
+def test_between_delimiters_they_are_reported_too(frame: str, size: int) -> None:
     peer, codec = pair(frame)
     frames, kinds = spoken(peer, 400, seed=5)
     stream = b"".join(frames)
@@ -124,7 +124,7 @@ def test_between_delimiters_they_are_told_too(frame: str, size: int) -> None:
 
 
 @pytest.mark.live
-def test_between_silences_they_are_told_too_and_keep_the_link_up() -> None:
+def test_between_silences_they_are_reported_too_and_keep_the_link_up() -> None:
     peer, codec = pair(SILENCE)
     frames, kinds = spoken(peer, 40, seed=6)
     decoder = codec.decoder("mcu")
@@ -143,7 +143,7 @@ def test_between_silences_they_are_told_too_and_keep_the_link_up() -> None:
 
 
 @pytest.mark.parametrize("frame", BLOCKS.values(), ids=BLOCKS)
-def test_a_damaged_block_is_not_told(frame: str) -> None:
+def test_a_damaged_block_is_not_reported(frame: str) -> None:
     peer, codec = pair(frame)
     sent = peer.encode("attitude", a=b"steady as she goes....")
     decoder = codec.decoder("mcu")
@@ -188,7 +188,7 @@ def test_parts_of_a_capture_join_where_a_false_start_reaches_over_frames() -> No
         assert codec.decode_columns(stream, "mcu", threads=threads).stats == whole.stats
 
 
-def test_a_frame_within_a_false_start_is_found_and_the_false_start_is_not_told() -> None:
+def test_a_frame_within_a_false_start_is_found_and_the_false_start_is_not_reported() -> None:
     _, codec = pair(WEAK)
     good = codec.encode("state", x=7, y=8)
     false_start = bytes.fromhex("a5 5a 20 63")  # 32 bytes of message 99, which never come
@@ -208,7 +208,7 @@ def test_a_start_byte_ends_an_escaped_frame_that_was_cut_short() -> None:
     assert decoder.stats.unlisted == {(30, len(whole)): len(whole) - 2}
 
 
-def test_noise_is_hardly_ever_told() -> None:
+def test_noise_is_hardly_ever_reported() -> None:
     _, codec = pair(WEAK)
     decoder = codec.decoder("mcu")
     decoder.feed(random.Random(4).randbytes(2_000_000))

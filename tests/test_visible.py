@@ -23,7 +23,7 @@ from wirebond.visible import visible, visible_json
         ("grün 上位机 🤖 \u00a0 [bold]", "grün 上位机 🤖 \u00a0 [bold]"),
     ],
 )
-def test_what_commands_or_hides_is_escaped_and_the_rest_stays(text: str, shown: str) -> None:
+def test_commanding_and_hidden_characters_are_escaped_and_the_rest_stays(text: str, shown: str) -> None:
     assert visible(text) == shown
     assert visible(f"x{text}y") == f"x{shown}y"
 

@@ -37,7 +37,7 @@ def limited(*arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_what_does_not_fit_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+def test_a_full_disk_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
     out = tmp_path / "out.md"
     out.write_text("old")
     result = limited("doc", PROTOCOL, "--out", str(out))
@@ -90,7 +90,7 @@ def test_a_new_file_has_the_permissions_that_the_user_gives_new_files(tmp_path: 
     assert stat.S_IMODE((tmp_path / "a").stat().st_mode) == 0o640
 
 
-def test_what_is_no_file_is_written_as_it_is(tmp_path: Path) -> None:
+def test_devices_and_pipes_are_written_directly(tmp_path: Path) -> None:
     write_whole(Path(os.devnull), "text")
     assert Path(os.devnull).is_char_device()
     with pytest.raises(OSError, match="No space left") as full:
@@ -124,7 +124,7 @@ def test_a_new_file_replaces_nothing(tmp_path: Path, kind: str) -> None:
     assert path.read_text() == "old" if kind == "file" else not (tmp_path / "nowhere").exists()
 
 
-def test_a_new_file_that_another_program_makes_meanwhile_is_not_replaced(
+def test_a_file_that_another_program_makes_in_between_is_not_replaced(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "raced"

@@ -223,7 +223,7 @@ def test_frames_that_are_longer_than_the_file_says_are_named() -> None:
     assert found.remedy.startswith("Write `- payload: 8`")
 
 
-def test_who_plays_the_mcu_hears_the_host() -> None:
+def test_an_end_in_the_mcus_role_hears_the_host() -> None:
     of = codec("diffdrive")
     source = random.Random("role")
     drawn = pool(of, End.HOST, 1, 60)
@@ -234,7 +234,7 @@ def test_who_plays_the_mcu_hears_the_host() -> None:
     assert kinds(Dump(of, 1.0, pieces, 0, End.HOST)) == [Kind.UNKNOWN]
 
 
-def test_silence_is_told_where_something_should_come() -> None:
+def test_silence_is_reported_if_something_should_come() -> None:
     of = codec("diffdrive")  # odometry is due
     assert kinds(Dump(of, 5.0, [Piece(0.0, "port_up", b"")], 0)) == [Kind.SILENCE]
     assert kinds(Dump(of, 1.0, [Piece(0.0, "port_up", b"")], 0)) == []
@@ -254,7 +254,7 @@ def over_time(of: Codec, *stretches: tuple[list[bytes], float]) -> Dump:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_what_is_over_is_not_told_of_the_last_seconds(name: str) -> None:
+def test_ended_faults_are_no_longer_reported(name: str) -> None:
     of = described(name)
     source = random.Random(f"over {name}")
     good, bad = frames_of(of, source, 100), [source.randbytes(60) for _ in range(50)]
@@ -278,7 +278,7 @@ def test_a_frame_in_two_reads_is_not_cut() -> None:
     assert now.dropped_bytes == len(frame) * 8
 
 
-def test_silence_is_told_since_the_last_byte() -> None:
+def test_silence_is_reported_since_the_last_byte() -> None:
     of = codec("diffdrive")
     dump = over_time(of, (frames_of(of, random.Random("quiet"), 20), 10), ([], 8))
     for seconds in (math.inf, 5.0):
@@ -287,7 +287,7 @@ def test_silence_is_told_since_the_last_byte() -> None:
         assert "no byte for 8 s" in one.evidence
 
 
-def test_a_reset_loop_is_told_until_its_next_start_does_not_come() -> None:
+def test_a_reset_loop_is_reported_until_its_next_start_does_not_come() -> None:
     of = codec("diffdrive")
     source = random.Random("resets over")
     loop = ([b"rst:0x10 (RTCWDT_RTC_RESET),boot:0x13\r\n", *frames_of(of, source, 20)], 8.0)
@@ -296,7 +296,7 @@ def test_a_reset_loop_is_told_until_its_next_start_does_not_come() -> None:
     assert diagnose_dump(over_time(of, *[loop] * 4, healthy), 115200, 5.0) == []
 
 
-def test_a_live_diagnosis_stays_until_two_looks_find_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_live_diagnosis_stays_until_two_checks_find_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     one = Diagnosis(Kind.BAUD, "It is another rate", "9 of 9", "Change it.")
     monkeypatch.setattr("wirebond.analysis.diagnosis.live._EVERY", 3600.0)
     watch = LiveDiagnosis(cast("wirebond.Link", None))
@@ -354,7 +354,7 @@ def bytes_heard(data: bytes, sent: tuple[float, Parity], heard: tuple[float, Par
     ("8N1", 115200, "8E1", None),  # the parity bit stands where the stop bit is expected, and a tty gives the byte
     ("8N1", 115200, "8N2", None),  # a UART looks at the first stop bit
 ])  # fmt: skip
-def test_wrong_settings_of_an_mcu_are_named_behind_a_wire(own: str, rate: int, line: str, kind: Kind | None) -> None:
+def test_wrong_settings_of_an_mcu_are_named_through_a_wire(own: str, rate: int, line: str, kind: Kind | None) -> None:
     model = codec("diffdrive").model
     of = Codec(replace(model, link=replace(model.link, parity=parity_of(own))))
     frames = frames_of(of, random.Random(f"wire {rate} {line}"), 300)
@@ -371,7 +371,7 @@ def test_wrong_settings_of_an_mcu_are_named_behind_a_wire(own: str, rate: int, l
 
 
 @pytest.mark.live
-def test_monitor_tells_live_as_json_what_is_wrong(
+def test_monitor_reports_faults_live_as_json(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     of = codec("diffdrive")
@@ -413,7 +413,7 @@ def open_and_hear(port: PtyPort, data: bytes, *arguments: Any, **options: Any) -
 
 
 @pytest.mark.live
-def test_monitor_says_what_is_wrong_and_is_quiet_else(
+def test_monitor_says_what_is_wrong_and_is_otherwise_quiet(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     of = codec("diffdrive")

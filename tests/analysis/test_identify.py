@@ -188,7 +188,7 @@ def test_wrong_arguments_get_a_sentence(
     assert sentence in capsys.readouterr().err
 
 
-def test_a_robot_that_stands_still_is_asked_to_move(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_robot_at_rest_is_asked_to_move(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     frame = loaded(PROTOCOLS / "diffdrive.yaml").encode("odometry", left_ticks=0, right_ticks=0)
     capture = tmp_path / "still.bin"
     capture.write_bytes(frame * 60)
@@ -245,7 +245,7 @@ def test_where_nothing_fits_the_rate_with_most_bytes_is_shown() -> None:
     assert (best.line, best.size, best.candidates[0].fits) == (Line(9600), 500, False)
 
 
-def test_two_formats_that_share_a_line_are_told_with_their_shares(
+def test_two_formats_that_share_a_line_are_reported_with_their_shares(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     source = random.Random("shared")

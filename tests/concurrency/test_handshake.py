@@ -38,7 +38,7 @@ def test_the_memory_orders_are_the_ones_that_are_weakened_below() -> None:
     assert tuple(re.findall(r"std::memory_order (\w+) = ", header)) == SITES
 
 
-def test_no_frame_stays_behind_and_no_other_run_is_broken_off(relacy: Path) -> None:
+def test_no_frame_is_left_and_no_other_run_is_aborted(relacy: Path) -> None:
     result = run(relacy, "crowd", "none", "random", "30000")
     assert result.returncode == 0, result.stdout
     assert "no fault after 30000 executions" in result.stdout
@@ -52,7 +52,7 @@ def test_every_schedule_of_one_frame_from_each_sender_with_two_preemptions_is_go
 
 
 @pytest.mark.long
-def test_no_frame_of_ten_million_executions_stays_behind(relacy: Path) -> None:
+def test_no_frame_is_left_in_ten_million_executions(relacy: Path) -> None:
     result = run(relacy, "crowd", "none", "random", "10000000")
     assert result.returncode == 0, result.stdout
 

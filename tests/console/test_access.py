@@ -29,7 +29,7 @@ def locked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
 
 @pytest.mark.parametrize("path", ["/attach", "/views"])
 @pytest.mark.parametrize("token", ["", "wrong", 7, None])
-def test_a_websocket_without_the_token_is_told_so_and_closed(locked: Desk, path: str, token: object) -> None:
+def test_a_websocket_without_the_token_gets_a_sentence_and_is_closed(locked: Desk, path: str, token: object) -> None:
     with locked.web(path) as socket:
         say(socket, {"do": "attach", "id": 5, "token": token} if path == "/attach" else {"token": token, "views": {}})
         said = json.loads(socket.recv(timeout=PATIENCE))
@@ -40,7 +40,7 @@ def test_a_websocket_without_the_token_is_told_so_and_closed(locked: Desk, path:
     assert locked.server.client_count == 0
 
 
-def test_the_token_opens_both_websockets_and_the_api_and_stands_behind_the_address(locked: Desk) -> None:
+def test_the_token_opens_both_websockets_and_the_api_and_is_in_the_address(locked: Desk) -> None:
     with locked.web("/attach") as socket:
         say(socket, {"do": "attach", "id": 5, "token": TOKEN})
         assert hear(socket, lambda said: said.get("re") == 5)["ok"]["protocol"] == "diffdrive"
@@ -95,7 +95,7 @@ def test_addresses_of_a_computer_are_no_names_that_can_be_bound_anew(host: str) 
     assert guard.refuses(f"{host}:8765", f"http://{host}") is not None
 
 
-def test_the_token_stands_behind_the_address_where_no_log_gets_it() -> None:
+def test_the_token_is_after_the_number_sign_where_no_log_gets_it() -> None:
     with Console(port=0, token=TOKEN) as console:
         assert console.address == f"http://127.0.0.1:{console.port}/#token={TOKEN}"
 

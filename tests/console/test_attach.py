@@ -89,7 +89,7 @@ def test_records_of_frames_come_as_binary_messages(desk: Desk) -> None:
         assert desk.codec.encode("odometry", left_ticks=7, right_ticks=-7) in record
 
 
-def test_what_is_no_request_ends_the_connection_with_a_sentence(desk: Desk) -> None:
+def test_an_invalid_request_ends_the_connection_with_a_sentence(desk: Desk) -> None:
     nothing = json.dumps({"do": "nothing", "token": desk.token})
     for wrong in ["", "[]", "1", "{", nothing, "\ud800".encode("utf-8", "surrogatepass"), b"\0\1"]:
         with desk.web("/attach") as socket:
@@ -101,7 +101,7 @@ def test_what_is_no_request_ends_the_connection_with_a_sentence(desk: Desk) -> N
     assert desk.server.client_count == 0
 
 
-def test_a_client_that_says_nothing_is_told_and_closed(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_silent_client_gets_a_sentence_and_is_closed(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(attach_socket, "WITHIN", 0.05)
     with desk.web("/attach") as socket:
         assert json.loads(socket.recv(timeout=PATIENCE))["error"] == "silent"

@@ -77,7 +77,7 @@ def test_a_wrong_protocol_leaves_the_old_link_in_force(free: Desk) -> None:
     assert free.ask("/api/protocol")[1]["name"] == "other"
 
 
-def test_a_link_that_somebody_controls_is_taken_only_on_purpose_and_its_page_is_told(free: Desk) -> None:
+def test_a_controlled_link_is_taken_only_on_purpose_and_its_page_is_notified(free: Desk) -> None:
     assert connect(free, protocol=str(DIFFDRIVE.resolve()))[0] == 200
     with free.attach(name="driver") as socket:
         hear(socket, lambda said: said.get("re") == 1)
@@ -203,5 +203,5 @@ def test_serve_without_a_file_needs_the_page(capsys: pytest.CaptureFixture[str])
         (["serve", "--web", "[::]:9000"], ["serve", "--web", "[::]:9000"]),
     ],
 )
-def test_an_address_behind_web_may_be_left_out(given: list[str], meant: list[str]) -> None:
+def test_an_address_after_web_may_be_left_out(given: list[str], meant: list[str]) -> None:
     assert with_web_address(given) == meant

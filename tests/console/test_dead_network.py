@@ -74,7 +74,7 @@ def test_a_page_on_a_dead_network_says_so_and_its_stop_arrives_when_the_network_
         expect(page.get_by_role("application")).to_contain_text("Take control first")
 
 
-def test_what_was_heard_last_stays_legible(rover: Desk) -> None:
+def test_the_last_values_stay_legible(rover: Desk) -> None:
     with behind_a_network(rover, "link") as (page, relay):
         relay.drops.set()
         for number, view in enumerate(VIEWS, start=1):

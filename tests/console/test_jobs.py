@@ -65,7 +65,7 @@ def test_a_job_that_needs_too_much_memory_is_given_up(worker: Worker) -> None:
     assert worker.run(len, "abc") == 3
 
 
-def test_what_a_job_raises_is_raised_with_its_places(worker: Worker) -> None:
+def test_an_exception_of_a_job_is_raised_with_its_places(worker: Worker) -> None:
     with pytest.raises(ProtocolFileError) as found:
         worker.run(codec_of, "wirebond: 1\nprotocol: 3\n")
     assert 2 in {problem.line for problem in found.value.problems}

@@ -145,7 +145,7 @@ def test_a_released_pad_repeats_zero_so_that_a_pause_does_not_end_in_safe_mode(r
             break
 
 
-def test_what_cannot_reach_the_robot_is_not_offered_and_what_is_not_read_back_is_not_shown(rover: Desk) -> None:
+def test_unreachable_actions_are_not_offered_and_unread_values_are_not_shown(rover: Desk) -> None:
     page = rover.page("tuning")
     expect(page.locator("main")).to_contain_text(
         "No message of this protocol reads back the values that parameter sets"
@@ -277,7 +277,7 @@ def test_a_page_without_the_token_says_so_and_shows_nothing(rover: Desk) -> None
 
 
 @pytest.mark.long
-def test_what_needs_no_browser_holds(tmp_path: Path) -> None:
+def test_tests_without_a_browser_pass(tmp_path: Path) -> None:
     if shutil.which("node") is None or not (ROOT / "console" / "node_modules").exists():
         pytest.skip("the page's packages are not installed: that needs Node, as setup/page.sh says")
     done = subprocess.run(

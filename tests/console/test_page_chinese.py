@@ -48,7 +48,7 @@ def test_why_the_link_is_down_is_chinese_in_the_header_and_among_the_events(rove
     shows_the_robot(page)
 
 
-def test_a_value_that_was_not_set_again_is_told_in_chinese(rover: Desk) -> None:
+def test_a_value_that_was_not_set_again_is_reported_in_chinese(rover: Desk) -> None:
     page = in_chinese(rover, "link")
     rover.robot.ready(rover.link)
     rover.link.repeat("velocity", linear=0.1, angular=0.0, hold=0.05)

@@ -297,7 +297,7 @@ def test_a_double_click_is_no_second_thought_whatever_its_first_click_put_there(
     assert sum(one.count for one in releases(rover)) == asked + 3
 
 
-def test_the_question_stays_where_the_page_hears_only_later_who_stopped(rover: Desk) -> None:
+def test_the_question_stays_if_the_page_learns_only_later_who_stopped(rover: Desk) -> None:
     page = rover.page("control")
     withheld: dict[str, Any] = {"stopped_by": None}
     with_told(page, "link", withheld)

@@ -71,7 +71,7 @@ def test_its_format_is_found_edited_saved_and_used_without_leaving_the_page(
     assert problems == []
 
 
-def test_what_can_be_seen_in_an_undocumented_format_becomes_a_first_file(browser: Browser, tmp_path: Path) -> None:
+def test_an_undocumented_format_becomes_a_first_file(browser: Browser, tmp_path: Path) -> None:
     file, problems = tmp_path / "undocumented.yaml", list[str]()
     file.write_text(UNDOCUMENTED)
     with undescribed_device(file) as console:

@@ -56,7 +56,7 @@ def edited(browser: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     close_tabs(browser)
 
 
-def test_an_error_stands_at_its_place_and_the_old_file_stays_in_force(edited: Edited) -> None:
+def test_an_error_is_shown_at_its_place_and_the_old_file_stays_in_force(edited: Edited) -> None:
     page, text = edited.editor()
     before = edited.link.codec.hash
     text.fill(GOOD.replace("id: u8", "id: u9"))

@@ -70,7 +70,7 @@ def recorded(rover: Desk) -> str:
     return recordings.stop().name
 
 
-def test_what_holds_now_has_a_time_of_day_while_a_recording_is_shown(rover: Desk, recording: str) -> None:
+def test_present_states_have_a_time_of_day_while_a_recording_is_shown(rover: Desk, recording: str) -> None:
     rover.robot.ready(rover.link)
     rover.link.send("velocity", linear=0, angular=0)  # and no more: 3 s later the robot is in its safe mode
     page = rover.page(f"control?recording={recording}")
@@ -152,7 +152,7 @@ def test_the_position_is_in_the_address_and_goes_with_the_reader_to_every_view(r
     expect(page).not_to_have_url(re.compile("at="))
 
 
-def test_what_went_wrong_is_marked_on_the_timeline_wherever_the_reader_is(rover: Desk, recording: str) -> None:
+def test_faults_are_marked_on_the_timeline_in_every_view(rover: Desk, recording: str) -> None:
     page = rover.page(f"plots?recording={recording}&at=0.1")
     marks = page.locator(".marks button")
     for name in (

@@ -65,7 +65,7 @@ def test_a_gap_is_taken_back_when_what_was_missing_comes_all_at_once() -> None:
     assert client.values[:3] == [0, 1, 2] and client.values[-1] == 50
 
 
-def test_a_gap_that_stays_is_told_once() -> None:
+def test_a_gap_that_stays_is_reported_once() -> None:
     source = Source(codec("diffdrive"), End.HOST, 0.01)
     client = Client(source)
     feed(source, 0, [1.0, 1.05])

@@ -89,7 +89,7 @@ def test_a_wrong_request_is_a_sentence(desk: Desk, query: str, said: str) -> Non
     assert status == 422 and said in answer["text"]
 
 
-def test_what_the_mcu_measured_has_the_time_of_the_measurement() -> None:
+def test_measurements_of_the_mcu_have_their_own_time() -> None:
     """Its clock is 100 s ahead; each exchange takes 1 ms either way, and what is measured arrives 5 ms later."""
     proto = codec("linear_axis")
     source = Source(proto, End.HOST, 0.01)

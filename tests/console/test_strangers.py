@@ -179,7 +179,7 @@ def stall_at_the_next_connection(monkeypatch: pytest.MonkeyPatch) -> threading.E
     return goes_on
 
 
-def test_who_has_shown_the_token_does_not_wait_for_the_mistakes_of_others(locked: Desk) -> None:
+def test_a_client_with_the_token_does_not_wait_for_the_mistakes_of_others(locked: Desk) -> None:
     visitors = []
     with locked.attach() as page:
         assert "ok" in hear(page, lambda said: said.get("re") == 1)
@@ -204,9 +204,7 @@ def test_deep_json_before_the_token_is_a_sentence(
     assert [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR] == []
 
 
-def test_what_clients_can_make_the_web_server_log_is_one_line_a_second(
-    locked: Desk, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_clients_can_make_the_web_server_log_one_line_a_second(locked: Desk, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
     watch = Stopwatch()
     for number in range(300):

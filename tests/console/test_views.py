@@ -27,7 +27,7 @@ def row_of(said: dict[str, Any], name: str) -> dict[str, Any]:
     return next(row for row in said["rows"] if row["name"] == name)
 
 
-def test_the_link_is_told_with_its_rates_and_at_once_when_it_changes(desk: Desk) -> None:
+def test_the_link_view_has_rates_and_changes_at_once(desk: Desk) -> None:
     with desk.look(link=True) as socket:
         link = view(socket, "link")
         assert link["protocol"] == "diffdrive" and link["connected"] and not link["stopped"]
@@ -73,7 +73,7 @@ def test_violations_are_marked(desk: Desk) -> None:
         assert "linear" in row_of(said, "velocity")["violations"][0]
 
 
-def test_frames_and_what_lies_between_them_are_shown_and_explained(desk: Desk) -> None:
+def test_frames_and_the_bytes_between_them_are_shown_and_explained(desk: Desk) -> None:
     good = desk.codec.encode("odometry", left_ticks=1, right_ticks=2)
     bad = good[:-2] + bytes([good[-2] ^ 1, good[-1]])
     with desk.look(frames={"message": "odometry", "most": 3}) as socket:
@@ -92,7 +92,7 @@ def test_frames_and_what_lies_between_them_are_shown_and_explained(desk: Desk) -
         assert all(entry["kind"] != "frame" for entry in view(socket, "frames", lambda said: said["t"] > 0)["entries"])
 
 
-def test_events_come_once_each_and_all_to_who_comes_later(desk: Desk) -> None:
+def test_events_come_once_each_and_all_to_a_later_client(desk: Desk) -> None:
     """The machine's pauses add events of the link."""
 
     def marks(said: dict[str, Any]) -> list[str]:
@@ -110,7 +110,7 @@ def test_events_come_once_each_and_all_to_who_comes_later(desk: Desk) -> None:
         assert marks(view(socket, "events")) == [*earlier, "look here", "and here"]
 
 
-def test_a_plot_gets_what_is_new_and_ends_with_every_sample(desk: Desk) -> None:
+def test_a_plot_gets_only_new_rows_and_ends_with_every_sample(desk: Desk) -> None:
     fields = ["odometry.left_ticks", "odometry.right_ticks"]
     held: dict[str, dict[float, tuple[float, float]]] = {name: {} for name in fields}
     with desk.look(plots=[{"id": "p", "fields": fields, "seconds": 30, "pixels": 4000}]) as socket:
@@ -243,7 +243,7 @@ def test_a_recording_has_the_same_views(desk: Desk) -> None:
     assert desk.ask("/api/recordings/no.mcap")[0] == 422
 
 
-def test_an_edited_file_is_tried_on_what_came(desk: Desk) -> None:
+def test_an_edited_file_is_tried_on_received_bytes(desk: Desk) -> None:
     odometry(desk, 10)
     wait_until(lambda: desk.link.stats.receive.pending_bytes == 0 and desk.link.stats.receive.frames >= 10)
     text = desk.codec.model.text
@@ -268,7 +268,7 @@ def test_a_body_without_end_is_refused(desk: Desk) -> None:
     assert desk.ask("/api/check", b" " * (5 << 20))[0] == 413
 
 
-def test_the_protocol_is_told_as_forms_are_made_of_it(desk: Desk) -> None:
+def test_the_protocol_is_described_for_forms(desk: Desk) -> None:
     form = desk.ask("/api/protocol")[1]
     assert form["hash"] == f"{desk.codec.hash:016x}" and form["text"] == desk.codec.model.text
     velocity = next(m for m in form["messages"] if m["name"] == "velocity")
@@ -290,7 +290,7 @@ def test_the_protocol_is_told_as_forms_are_made_of_it(desk: Desk) -> None:
     assert "simulators" in desk.ask("/api/ports")[1]
 
 
-def test_commands_are_logged_with_who_gave_them(desk: Desk) -> None:
+def test_commands_are_logged_with_their_client(desk: Desk) -> None:
     with desk.attach(name="tester") as socket:
         hear(socket, lambda said: said.get("re") == 1)
         for number, fields in enumerate([{"number": 1}, {"number": 1}, {"no": 2}]):

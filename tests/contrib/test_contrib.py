@@ -133,7 +133,7 @@ def test_an_hdlc_frame_of_a_receiver_that_is_not_ready() -> None:
     assert (message.name, message.header["receive"]) == ("not_ready", 3)
 
 
-def test_msp_of_version_1_is_read_and_an_error_reply_tells_the_request() -> None:
+def test_msp_of_version_1_is_read_and_an_error_reply_names_the_request() -> None:
     codec, oracle = loaded(CONTRIB / "msp.yaml"), ORACLES["msp"]
     source = random.Random("msp")
     for _ in range(300):

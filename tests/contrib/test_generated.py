@@ -80,7 +80,7 @@ def test_it_reads_and_writes_what_the_other_side_does(number: int, program: Path
 
 
 @few_or_many(60, 10_000)
-def test_it_finds_in_noisy_streams_what_the_engine_finds(number: int, program: Path, tmp_path: Path) -> None:
+def test_it_finds_the_engines_frames_in_noisy_streams(number: int, program: Path, tmp_path: Path) -> None:
     jobs = []
     for row, name in enumerate(NAMES):
         codec = CODECS[name]

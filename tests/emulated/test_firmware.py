@@ -116,7 +116,7 @@ def test_echo_sends_back_what_came_on_two_links_at_once(optimise: str, at_once: 
 @pytest.mark.parametrize(
     "frames", [pytest.param(500, id="short"), pytest.param(20_000, id="long", marks=pytest.mark.long)]
 )
-def test_four_tasks_of_the_gimbal_send_at_1_khz_and_what_arrives_is_what_left(frames: int) -> None:
+def test_four_tasks_of_the_gimbal_send_at_1_khz_and_every_frame_arrives(frames: int) -> None:
     aim = {"main_target_yaw": 0.5, "main_target_pitch": -0.25, "l_target_yaw": 0.1, "l_target_pitch": 0.2}
     with (
         Machine(program("gimbal", "enterprize", f"FRAMES={frames}U")) as machine,

@@ -67,7 +67,7 @@ def talk(link: wirebond.Link, commands: int, expected: int) -> Iterator[wirebond
     ("frames", "commands"),
     [pytest.param(1_000, 800, id="short"), pytest.param(50_000, 40_000, id="long", marks=pytest.mark.long)],
 )
-def test_what_four_tasks_and_an_interrupt_send_arrives_once_and_in_order(frames: int, commands: int) -> None:
+def test_frames_of_four_tasks_and_an_interrupt_arrive_once_and_in_order(frames: int, commands: int) -> None:
     program = build(HERE / "programs" / "senders.cpp", "enterprize", definitions=[f"FRAMES={frames}U"])
     with (
         Machine(program) as machine,

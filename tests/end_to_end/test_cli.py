@@ -536,7 +536,7 @@ def test_a_repeated_send_whose_port_goes_away_says_that_it_could_not_stop(tmp_pa
         assert f"{name} is away, and the emergency stop could not be sent\n" in process.stderr.read().decode()
 
 
-def test_what_the_mcu_sends_is_refused_before_a_port_is_touched() -> None:
+def test_messages_of_the_mcu_are_refused_before_a_port_is_touched() -> None:
     result = run("send", DIFFDRIVE, "/nowhere", "odometry", "left_ticks=1", "right_ticks=2")
     assert (result.returncode, result.stderr) == (1, "wirebond: odometry is sent by the mcu, not by the host\n")
     result = run("send", DIFFDRIVE, "/nowhere", "velocity", "--role", "mcu")
@@ -596,7 +596,7 @@ class TestHeader:
             (DIFFDRIVE, ["servo=3"], "frames of diffdrive have no header fields; remove --header"),
         ],
     )
-    def test_what_cannot_be_is_told(self, file: str, words: list[str], sentence: str) -> None:
+    def test_the_impossible_is_reported(self, file: str, words: list[str], sentence: str) -> None:
         message = "ask" if file == SERVO_BUS else "status_query"
         result = run("encode", file, message, *(word for one in words for word in ("--header", one)))
         assert result.returncode in (1, 2)
@@ -606,7 +606,7 @@ class TestHeader:
         line = json.loads(run("decode", SERVO_BUS, "--hex", "FF FF 04 05 02 02 05 DC 11").stdout)
         assert line["header"] == {"servo": 4, "options": ["registered"], "stamp": 1.5}
 
-    def test_two_servos_on_one_bus_are_told_apart(self, tmp_path: Path) -> None:
+    def test_two_servos_on_one_bus_are_distinguished(self, tmp_path: Path) -> None:
         link = tmp_path / "tty"
         command = [*COMMAND, "sim", SERVO_BUS, "--link", str(link), "--address", "3", "--address", "7"]
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:

@@ -124,7 +124,7 @@ def test_headers_install_without_python_and_versions_are_compared(tmp_path: Path
             run("cmake", "--build", tmp_path / "build")
 
 
-def test_all_places_tell_the_same_version() -> None:
+def test_all_places_have_the_same_version() -> None:
     project = re.search(r'^version = "(.*)"$', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
     cmake = re.search(r'PACKAGE_VERSION "(.*)"', (ROOT / "cmake" / "wirebondConfigVersion.cmake").read_text())
     assert project is not None and cmake is not None

@@ -217,7 +217,7 @@ def test_emergency_stop_overtakes_a_full_queue(port: PtyPort) -> None:
         assert link.stats.send.offered > already_written + 1000
 
 
-def test_second_opener_is_told_that_the_port_is_in_use_until_the_first_closes(port: PtyPort) -> None:
+def test_second_opener_finds_the_port_in_use_until_the_first_closes(port: PtyPort) -> None:
     proto = codec("diffdrive")
     with wirebond.open(proto, port.path), pytest.raises(PortError, match="is in use by another program"):
         wirebond.open(proto, port.path)
@@ -255,7 +255,7 @@ def test_a_loop_that_ends_early_leaves_the_rest_to_the_next_and_to_receive(port:
         assert link.stats.dropped_messages == 0
 
 
-def test_what_came_before_close_can_be_taken_after_it_and_then_there_is_an_end(port: PtyPort) -> None:
+def test_messages_before_close_can_be_taken_after_it_and_then_there_is_an_end(port: PtyPort) -> None:
     proto = codec("diffdrive")
     for take in (lambda link: link.receive(), list):
         link = wirebond.open(proto, port.path)

@@ -97,7 +97,7 @@ def test_a_frame_leaves_when_the_line_has_carried_it(program: Path) -> None:
         assert came == [pytest.approx(11 * BYTE_S, abs=1.1 * step)] * len(came)
 
 
-def test_a_firmware_that_ended_is_told(program: Path) -> None:
+def test_a_firmware_that_ended_is_reported(program: Path) -> None:
     firmware = LockstepFirmware(program, "the rover")
     firmware._process.kill()
     with pytest.raises(WirebondError, match="the rover has ended"):

@@ -111,7 +111,7 @@ def test_rover_that_loses_its_host_stops_after_1_s_and_is_safe_after_3_s(
     assert "comm_timeout" in status.fields["errors"]
 
 
-def test_rover_drives_what_it_is_told_and_safe_mode_needs_its_parameter(process: rover.RoverProcess) -> None:
+def test_rover_drives_as_commanded_and_safe_mode_needs_its_parameter(process: rover.RoverProcess) -> None:
     with wirebond.open(DIFFDRIVE, process.port) as link:
         wait_for_event(process, "safe_mode")  # nobody spoke since start-up: that holds nothing back
         link.receive()
@@ -126,7 +126,7 @@ def test_rover_drives_what_it_is_told_and_safe_mode_needs_its_parameter(process:
         drive(link, 0.0, 1.0, lambda came: came[-1].fields["left_ticks"] < 0 < came[-1].fields["right_ticks"])
 
 
-def test_e_stop_stands_above_commands_and_shows_in_the_status(process: rover.RoverProcess) -> None:
+def test_e_stop_overrules_commands_and_shows_in_the_status(process: rover.RoverProcess) -> None:
     with wirebond.open(DIFFDRIVE, process.port) as link:
         drive(link, 0.5, 0.0, lambda came: ticks(came)[-1] > 0)
         process.tell("estop on")

@@ -118,7 +118,7 @@ def test_a_firmware_of_the_same_file_is_known_as_such(firmware: FirmwareProcess)
         assert link.peer.hash == link.codec.hash
 
 
-def test_a_firmware_of_another_file_is_told_by_every_command(
+def test_a_firmware_of_another_file_is_reported_by_every_command(
     firmware: FirmwareProcess, other_file: Path, run: Callable[..., Done]
 ) -> None:
     other = str(other_file)
@@ -282,7 +282,7 @@ def test_parameters_of_a_firmware_from_the_command_line(
     assert run("param", "load", AXIS, port, str(file)).returncode == 1
 
 
-def test_parameters_that_cannot_be_reached_are_told_with_their_exit_code(run: Callable[..., Done]) -> None:
+def test_unreachable_parameters_are_reported_with_their_exit_code(run: Callable[..., Done]) -> None:
     assert run("param", "list", NATIVE, "/dev/nowhere").returncode == 3
     none = run("param", "list", str(PROTOCOLS / "diffdrive.yaml"), "/dev/nowhere")
     assert (none.returncode, "maps no `parameter` service" in none.stderr) == (2, True)
@@ -348,7 +348,7 @@ def unhurried_firmware(unhurried: Path, tmp_path: Path) -> Iterator[FirmwareProc
         yield process
 
 
-def test_what_a_firmware_refused_is_counted_alike_at_both_ends(
+def test_refusals_of_a_firmware_are_counted_alike_at_both_ends(
     unhurried: Path, unhurried_firmware: FirmwareProcess, tmp_path: Path, run: Callable[..., Done]
 ) -> None:
     firmware = unhurried_firmware

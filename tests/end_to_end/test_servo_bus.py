@@ -158,7 +158,7 @@ def test_commands_for_the_other_do_not_keep_a_servo_from_giving_way(line: Line) 
                 break
 
 
-def test_a_host_in_cpp_turns_both_and_says_who_does_not_answer(line: Line, programs: Programs) -> None:
+def test_a_host_in_cpp_turns_both_and_says_which_one_does_not_answer(line: Line, programs: Programs) -> None:
     command = [str(programs.master), line.port, "3=0.5", "7=-0.25", "9=1"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert done.stdout.splitlines() == [
@@ -169,7 +169,7 @@ def test_a_host_in_cpp_turns_both_and_says_who_does_not_answer(line: Line, progr
     assert done.returncode == 1
 
 
-def test_a_number_that_no_servo_has_is_told(programs: Programs) -> None:
+def test_a_number_that_no_servo_has_is_reported(programs: Programs) -> None:
     for number in ("0", "254", "three", ""):
         done = subprocess.run(
             [str(programs.servo), number], capture_output=True, text=True, timeout=PATIENCE, check=False

@@ -246,7 +246,7 @@ def test_frames_for_another_end_are_foreign_and_keep_the_line_alive() -> None:
     assert line.hear("state", header={"to": 100}, x=1) == ["state"]
 
 
-def test_a_decoder_that_is_told_the_address_counts_others_as_foreign() -> None:
+def test_a_decoder_that_knows_its_address_counts_others_as_foreign() -> None:
     frames = b"".join(BUS.encode("state", angle=0, voltage=7, header={"servo": servo}) for servo in (3, 9, 3))
     decoder = BUS.decoder("mcu")
     assert len(decoder.feed(frames)) == 3
@@ -258,7 +258,7 @@ def test_a_decoder_that_is_told_the_address_counts_others_as_foreign() -> None:
     assert len(decoder.feed(frames)) == 3
 
 
-def test_a_stop_message_may_have_header_values_and_wrong_ones_are_told() -> None:
+def test_a_stop_message_may_have_header_values_and_wrong_ones_are_reported() -> None:
     assert BROADCAST.model.emergency_stop[0].header == (("servo", 0xFE),)
     text = (ROOT / "tests" / "formats" / "servo_options.yaml").read_text()
     for header, sentence in (("{servo: 300}", "300 does not fit `servo`"), ("{leg: 1}", "has no field `leg`")):

@@ -174,7 +174,7 @@ def test_coroutine_handlers_run_in_the_loop_in_order(caplog: pytest.LogCaptureFi
         assert "raised ValueError; the link goes on" in caplog.text
 
 
-def test_close_gives_coroutine_handlers_what_had_come() -> None:
+def test_close_gives_coroutine_handlers_earlier_messages() -> None:
     async def program(link: wirebond.Link, send: Any) -> list[int]:
         seen: list[int] = []
 

@@ -39,7 +39,7 @@ def receive_for_ever(link: wirebond.Link) -> None:
         link.receive(PATIENCE)
 
 
-def test_what_comes_while_the_program_is_away_is_read_all_the_same(pty: PtyPort) -> None:
+def test_bytes_that_come_while_the_program_is_away_are_read_all_the_same(pty: PtyPort) -> None:
     with wirebond.open(without_deadlines(), pty.path) as link:
         for _ in range(5):
             asked(link, pty)

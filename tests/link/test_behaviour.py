@@ -278,7 +278,7 @@ def test_a_program_that_hands_over_leaves_the_robot_moving(make: Make) -> None:
     assert link.messages() == [("drive", FULL_SPEED)]
 
 
-def test_what_is_sent_after_the_hand_over_is_made_safe_again(make: Make) -> None:
+def test_commands_after_the_hand_over_are_made_safe_again(make: Make) -> None:
     link = make()
     link.hand_over()
     link.send("drive", **FULL_SPEED)
@@ -317,7 +317,7 @@ def test_closing_while_the_port_is_away_counts_what_could_not_leave(make: Make) 
 # ---- the account, and the port ----------------------------------------------------------------------------------
 
 
-def test_what_waits_expires_when_the_port_goes_away(make: Make) -> None:
+def test_queued_frames_expire_when_the_port_goes_away(make: Make) -> None:
     link = make()
     taken = link.fill_queue("note", number=1, text=b"x" * 100)
     link.unplug()

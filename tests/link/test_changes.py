@@ -30,7 +30,7 @@ CALM = without_deadlines()
 SERVED = wirebond.load(ROOT / "protocols" / "native.yaml")
 
 
-def test_each_change_of_a_deadline_is_told_with_its_time() -> None:
+def test_each_change_of_a_deadline_is_reported_with_its_time() -> None:
     core = _engine.LinkCore(ARM.tables.protocol, ARM.tables.format_for("mcu"), engine_settings(ARM, 115_200), 0)
     core.port_up(1_000)
     assert core.next_due(1_000) == 300_000  # no look before
@@ -93,7 +93,7 @@ def _wakes(name: str) -> int:
     return wakes
 
 
-def test_who_waits_for_changes_sleeps_until_there_is_one() -> None:
+def test_a_waiter_for_changes_sleeps_until_there_is_one() -> None:
     struck: list[Any] = []
     with linked(SERVED) as (link, _), linked(ARM) as (arm, _):
         arm.on_deadline("halt")(struck.append)

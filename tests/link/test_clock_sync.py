@@ -67,7 +67,7 @@ def test_nothing_is_known_before_the_first_exchange() -> None:
         sync.to_host(0, 0.0)
 
 
-def test_one_exchange_tells_a_time_whose_bound_grows() -> None:
+def test_one_exchange_gives_a_time_whose_bound_grows() -> None:
     wire, sync = Wire(0.015), ClockSync()
     assert wire.exchange(sync, 0.0) == Verdict.USED
     first = sync.to_host(wire.mcu_us(0.01), 0.01)
@@ -122,7 +122,7 @@ def test_a_restart_of_the_mcu_is_found_and_begins_a_new_clock() -> None:
     assert reading.drift == pytest.approx(30, abs=5)
 
 
-def test_a_restart_that_is_told_needs_no_finding() -> None:
+def test_a_reported_restart_needs_no_finding() -> None:
     wire, sync = Wire(), ClockSync()
     for second in range(10):
         wire.exchange(sync, float(second))

@@ -101,7 +101,7 @@ def test_each_link_finds_its_own_messages_and_all_of_them(pty: PtyPort) -> None:
         assert ubx.stats.receive.bytes == nmea.stats.receive.bytes
 
 
-def test_what_they_send_leaves_one_whole_frame_after_the_other(pty: PtyPort) -> None:
+def test_their_frames_leave_whole_and_one_after_the_other(pty: PtyPort) -> None:
     other = wirebond.Codec(loads(manipulator().model.text.replace("0xAA 0x55", "0x55 0xAA")))
     port = CommonPort(pty.path, baud=3_000_000)
     codecs = (manipulator(), other)
@@ -289,7 +289,7 @@ def test_the_line_has_one_baud_rate(pty: PtyPort) -> None:
         ("", "the port's name is empty"),
     ],
 )
-def test_what_is_no_port_that_links_have_in_common(name: str, sentence: str) -> None:
+def test_links_that_cannot_share_a_port(name: str, sentence: str) -> None:
     with pytest.raises(UsageError, match=sentence):
         CommonPort(name)
 

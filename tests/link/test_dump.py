@@ -84,7 +84,7 @@ def test_many_small_pieces_are_bounded_too() -> None:
     assert len(dump_of(core, described).pieces) == 65536
 
 
-def test_what_was_sent_stands_between_what_came() -> None:
+def test_sent_frames_are_between_received_ones() -> None:
     described = codec("diffdrive")
     core = core_of(described)
     status = described.encode("status", {"battery": 12.0, "errors": [], "state": []})
@@ -118,7 +118,7 @@ def test_a_frame_that_never_ended_is_incomplete() -> None:
     assert core.stats()["discarded_bytes"]["incomplete"] == 6
 
 
-def test_no_frame_goes_on_behind_a_loss_of_the_port() -> None:
+def test_no_frame_continues_after_a_loss_of_the_port() -> None:
     described = codec("diffdrive")
     core = core_of(described)
     status = described.encode("status", {"battery": 12.0, "errors": [], "state": []})
@@ -129,7 +129,7 @@ def test_no_frame_goes_on_behind_a_loss_of_the_port() -> None:
     assert not [e for e in dump_of(core, described).entries if e.kind == "frame"]
 
 
-def test_the_last_request_tells_what_a_reply_is() -> None:
+def test_the_last_request_identifies_a_reply() -> None:
     described = wirebond.load(ROOT / "tests" / "formats" / "by_request.yaml")
     for request, reply, values in (
         ("read_speed", "speed", {"speed": 0.25}),

@@ -93,7 +93,7 @@ def test_a_frame_is_expected_before_its_last_byte_counts_as_written() -> None:
     assert (stats["echoed_bytes"], stats["collisions"], stats["bytes"]) == (len(frame), 0, 0)
 
 
-def test_a_frame_that_comes_back_otherwise_is_a_collision_and_is_told_in_words() -> None:
+def test_a_frame_that_comes_back_changed_is_reported_as_a_collision() -> None:
     core = Core()
     for number in range(10):
         assert core.hear(core.send(number)) == []
@@ -114,7 +114,7 @@ def test_a_frame_that_comes_back_otherwise_is_a_collision_and_is_told_in_words()
     assert told.evidence == "3 of 13 sent frames did not come back as they were sent"
 
 
-def test_a_line_that_does_not_echo_loses_no_frame_and_is_told() -> None:
+def test_a_line_that_does_not_echo_loses_no_frame_and_is_reported() -> None:
     core = Core()
     for number in range(20):
         core.send(number)
@@ -134,7 +134,7 @@ def test_the_end_of_a_frame_that_looks_like_the_beginning_of_an_own_one_is_not_l
     assert [message.name for message in core.core.receive()] == ["pose"]
 
 
-def test_what_was_expected_is_forgotten_when_the_port_goes() -> None:
+def test_expected_bytes_are_forgotten_when_the_port_goes() -> None:
     core = Core()
     frame = core.send(7)
     core.hear(frame[:4])
@@ -145,7 +145,7 @@ def test_what_was_expected_is_forgotten_when_the_port_goes() -> None:
     assert core.hear(POSE) == ["pose"]
 
 
-def test_monitor_tells_own_bytes_and_collisions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_monitor_counts_own_bytes_and_collisions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "manipulator.yaml"
     path.write_text(TEXT.format(link=", echo: true"), encoding="utf-8")
     assert main(["monitor", str(path), "sim:", "--seconds", "0.1"]) == 0

@@ -91,7 +91,7 @@ def test_each_sender_has_its_newest() -> None:
             link.latest("state", header={})
 
 
-def test_the_newest_of_what_never_comes_is_refused() -> None:
+def test_the_newest_of_a_message_that_never_comes_is_refused() -> None:
     with linked(ARM) as (link, _):
         with pytest.raises(UsageError, match="drive is sent by the host"):
             link.latest("drive")
@@ -212,7 +212,7 @@ def test_a_loop_that_waits_goes_on_when_handlers_begin() -> None:
         assert [n for n in taken if n >= 150] == list(range(150, 300))
 
 
-def test_what_a_handler_raises_is_reported_and_counted(caplog: pytest.LogCaptureFixture) -> None:
+def test_an_exception_of_a_handler_is_reported_and_counted(caplog: pytest.LogCaptureFixture) -> None:
     seen: list[int] = []
     with caplog.at_level(logging.ERROR, logger="wirebond"), linked(TWO) as (link, mcu):
 
@@ -256,7 +256,7 @@ def test_a_removed_handler_is_not_called_and_its_messages_are_for_the_loop() -> 
             link.off(slow)
 
 
-def test_close_gives_handlers_what_had_come(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_close_gives_handlers_earlier_messages(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ending, "HANDLERS_PATIENCE", PATIENCE)
     seen: list[int] = []
 
@@ -327,7 +327,7 @@ def test_slow_handlers_drop_the_oldest_and_count_them(monkeypatch: pytest.Monkey
         assert seen == [0, *range(21, 31)]
 
 
-def test_what_nobody_takes_is_dropped_and_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_untaken_messages_are_dropped_and_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("wirebond.link.inbox.MAX_WAITING", 10)
     with linked(TWO) as (link, mcu):
         link.on("other")(lambda _: None)

@@ -113,7 +113,7 @@ def test_one_way_times_add_up_within_their_bound() -> None:
     assert min(into.to_host) > -into.one_way_error
 
 
-def test_a_port_that_goes_away_in_the_middle_costs_what_was_asked_meanwhile() -> None:
+def test_a_port_that_goes_away_in_the_middle_loses_only_requests_of_that_time() -> None:
     enough = threading.Event()
 
     def answer(message: wirebond.Message) -> bytes:
@@ -145,7 +145,7 @@ def test_a_port_that_goes_away_in_the_middle_costs_what_was_asked_meanwhile() ->
     assert into.asked == len(into.round_trips) + into.lost
 
 
-def test_what_cannot_be_asked_is_a_sentence() -> None:
+def test_impossible_requests_get_a_sentence() -> None:
     with pytest.raises(UsageError, match=r"diffdrive maps no ping service; name a request .* --message: status_query"):
         probe_for(DIFFDRIVE, None, {})
     with pytest.raises(UsageError, match="velocity has no `reply` in diffdrive"):

@@ -96,7 +96,7 @@ def test_a_link_says_what_the_driver_made_of_its_settings(pty: PtyPort) -> None:
         assert json.loads(json.dumps(line.as_dict()))["low_latency"] == "not_offered"
 
 
-def test_a_driver_that_makes_something_else_of_them_is_told(pty: PtyPort) -> None:
+def test_a_driver_that_changes_them_is_reported(pty: PtyPort) -> None:
     codec = manipulator(", parity: even")  # a pty has no parity
     with wirebond.open(codec, pty.path) as link:
         assert link.line is not None

@@ -34,7 +34,7 @@ def taps() -> Iterator[tuple[PtyPort, PtyPort]]:
         port.close()
 
 
-def test_each_message_comes_with_who_sent_it_in_the_order_of_the_line(taps: tuple[PtyPort, PtyPort]) -> None:
+def test_each_message_comes_with_its_sender_in_the_order_of_the_line(taps: tuple[PtyPort, PtyPort]) -> None:
     host, mcu = taps
     with wirebond.listen(ROVER, host_port=host.path, mcu_port=mcu.path) as line:
         got: list[wirebond.Heard] = []

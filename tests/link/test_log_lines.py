@@ -146,7 +146,7 @@ def test_a_flood_of_lines_is_cut_for_logging_and_counted(caplog: pytest.LogCaptu
     assert MOST_A_SECOND <= lines() < sent
 
 
-def test_the_limit_counts_what_does_not_pass() -> None:
+def test_the_limit_counts_failed_attempts() -> None:
     limit = LineLimit(3)
     assert [limit.passes(10.0 + i / 10) for i in range(5)] == [True, True, True, False, False]
     assert limit.take_missed(10.5) == 0  # the second is not over

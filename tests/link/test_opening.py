@@ -105,7 +105,7 @@ def test_frames_go_both_ways_over_tcp_and_the_link_comes_back(server: Server) ->
         connection.close()
 
 
-def test_a_server_that_is_not_there_is_told_and_waited_for(server: Server) -> None:
+def test_a_missing_server_is_reported_and_awaited(server: Server) -> None:
     server.close()
     with pytest.raises(PortError, match="; start the server there, or check"):
         wirebond.open(without_deadlines(), server.name)
@@ -159,7 +159,7 @@ def test_close_does_not_wait_for_a_server_that_does_not_answer(server: Server) -
         ("replay:", "replay: names no recording; give replay:run.mcap"),
     ],
 )
-def test_a_name_that_is_no_port_is_told(name: str, sentence: str) -> None:
+def test_a_name_that_is_no_port_is_reported(name: str, sentence: str) -> None:
     with pytest.raises(UsageError, match=sentence):
         wirebond.open(without_deadlines(), name)
 
@@ -212,7 +212,7 @@ def test_a_usb_device_is_found_again_under_another_name(monkeypatch: pytest.Monk
     assert error.value.errno == errno.ENOENT
 
 
-def test_a_usb_name_that_is_misspelt_is_told() -> None:
+def test_a_usb_name_that_is_misspelt_is_reported() -> None:
     with pytest.raises(UsageError, match="the vendor '0x1a8' is not four hex digits"):
         wirebond.open(without_deadlines(), "usb:0x1a8:55d3", wait_for_port=True)
 

@@ -21,7 +21,7 @@ def bytes_before_the_stop(data: bytes, mark: int, stop: bytes) -> int:
 @pytest.mark.parametrize("baud", [9600, 115200, 921600])
 @pytest.mark.parametrize("text", [b"", b"x" * 20, b"x" * 35, b"x" * 40, b"x" * 100, b"x" * 200])
 @pytest.mark.parametrize("later_us", [0, 137, 4_999, 50_001])
-def test_at_most_5_ms_of_line_or_one_frame_lies_before_a_stop(baud: int, text: bytes, later_us: int) -> None:
+def test_at_most_5_ms_of_line_or_one_frame_leaves_before_a_stop(baud: int, text: bytes, later_us: int) -> None:
     codec = manipulator()
     link = VirtualDriver(codec, baud=baud)
     stop = codec.encode("arm", torque=0)
@@ -52,7 +52,7 @@ def test_pacing_costs_no_throughput(baud: int, text: bytes) -> None:
     assert link.buffered * link.byte_us <= 6_000 + 220 * link.byte_us
 
 
-def test_a_wire_that_is_slower_than_its_rate_fills_no_driver_that_can_tell() -> None:
+def test_a_wire_slower_than_its_rate_does_not_fill_a_driver_that_reports_its_queue() -> None:
     codec = manipulator()
     link = VirtualDriver(codec, wire_baud=112_000)  # 2.8 % slower, as a UART's divider may be
     link.tells_what_it_holds = True

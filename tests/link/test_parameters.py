@@ -238,7 +238,7 @@ def test_all_are_set_back_where_an_answer_is_missing() -> None:
 
 
 @pytest.mark.parametrize("ending", ["yaml", "yml", "json"])
-def test_what_was_saved_can_be_loaded(tmp_path: Path, ending: str) -> None:
+def test_a_saved_layout_can_be_loaded(tmp_path: Path, ending: str) -> None:
     path = tmp_path / f"gains.{ending}"
     with linked(NATIVE, numbered()) as (link, _):
         parameters = link.parameters

@@ -74,7 +74,7 @@ def test_messages_are_compared_with_their_schedule() -> None:
     assert full.messages["odometry"].missing == 0
 
 
-def test_what_is_sent_is_compared_with_its_schedule() -> None:
+def test_sent_messages_are_compared_with_their_schedule() -> None:
     model = codec("diffdrive").model  # velocity every 50 ms, status_query every second
     rates = rates_between(model, 115_200, look(left={"velocity": 5}), look(left={"velocity": 24}), 2)
     assert set(rates.sent) == {m.name for m in model.messages if m.sent_by(End.HOST) and m.every is not None}
@@ -98,14 +98,14 @@ def test_a_link_counts_what_left_by_message() -> None:
         wait_until(lambda: {m.name for m in mcu.heard} == set(stats.messages), "the MCU hears them")
 
 
-def test_loss_is_told_of_the_offered_load() -> None:
+def test_loss_is_reported_as_part_of_the_offered_load() -> None:
     later = look(offered=100, accepted=90, refused_full=6, refused_down=4, sent=70, replaced=10, expired=5, queued=5)
     send = rates_between(codec("diffdrive").model, 115_200, look(), later, 2.0).send
     assert (send.offered_per_second, send.frames_per_second, send.lost) == (50, 35, 0.15)
     assert rates_between(codec("diffdrive").model, 115_200, look(), look(), 2.0).send.lost == 0
 
 
-def test_what_was_discarded_and_what_numbers_miss_is_told_for_the_window_alone() -> None:
+def test_discarded_bytes_and_missing_numbers_are_of_the_window_alone() -> None:
     before = look(received=1000, discarded=900)
     after = look(received=3000, discarded=1000)
     model = codec("diffdrive").model

@@ -158,7 +158,7 @@ def test_the_reply_to_a_plain_send_is_not_taken() -> None:
         assert [m["x"] for m in link.receive(PATIENCE)] == [0]
 
 
-def test_what_came_before_a_request_is_not_its_reply() -> None:
+def test_a_message_before_a_request_is_not_its_reply() -> None:
     with linked(ARM, pose) as (link, mcu):
         mcu.send("pose", x=1)
         wait_until(lambda: link.stats.receive.frames == 1, "it came")
@@ -167,7 +167,7 @@ def test_what_came_before_a_request_is_not_its_reply() -> None:
         assert [m["x"] for m in link.receive(PATIENCE)] == [1]
 
 
-def test_where_only_the_request_tells_a_reply_one_is_under_way_at_a_time() -> None:
+def test_if_only_the_request_identifies_a_reply_one_is_under_way_at_a_time() -> None:
     under_way: list[str] = []
 
     def answer(message: Message) -> bytes:
@@ -291,7 +291,7 @@ def test_a_signal_handler_can_ask_while_the_program_waits() -> None:
         assert replies == [41]
 
 
-def test_what_cannot_be_asked_is_refused() -> None:
+def test_impossible_requests_are_refused() -> None:
     with linked(ARM) as (link, _):
         with pytest.raises(UsageError, match=r"lamp has no `reply` in manipulator; messages that have one: query"):
             link.request("lamp", level=1)

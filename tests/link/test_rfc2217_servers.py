@@ -90,7 +90,7 @@ def opened(name: str) -> wirebond.Link:
         IAC + b"\x01" + IAC + b"\xf1",  # commands that nobody knows
     ],
 )  # fmt: skip
-def test_a_server_that_says_what_nobody_asked_serves_on(begin: bytes) -> None:
+def test_a_server_that_sends_unrequested_options_goes_on(begin: bytes) -> None:
     frame = POSE.replace(IAC, IAC + IAC)
     with (
         server(begin, lambda connection: connection.sendall(begin + frame + begin + frame)) as name,

@@ -131,7 +131,7 @@ deadlines:
         assert {m["speed"] for m in got} == {3}
 
 
-def test_what_is_held_from_the_start_waits_for_recover_and_the_stop_acts_at_once() -> None:
+def test_messages_held_from_the_start_wait_for_recover_and_the_stop_acts_at_once() -> None:
     held = wirebond.load(ROOT / "tests" / "mcu_link" / "held.yaml")
     pty = PtyPort()
     with wirebond.open(held, pty.path, role="mcu") as mcu:
@@ -185,7 +185,7 @@ def test_a_viewer_of_the_mcus_side_hears_every_address_and_answers_for_any() -> 
                 assert host.request("read", timeout=PATIENCE, header={"servo": servo})["angle"] == 0.5
 
 
-def test_hello_is_answered_and_another_file_of_the_host_is_told() -> None:
+def test_hello_is_answered_and_another_file_of_the_host_is_reported() -> None:
     with both(NATIVE) as (host, mcu):
         wait_until(lambda: host.peer.state == mcu.peer.state == "same", "hello, both ways")
     pty = PtyPort()
@@ -211,7 +211,7 @@ def test_a_dump_names_the_frames_of_both_directions() -> None:
         assert frames == [("received", "status_query"), ("sent", "odometry")]
 
 
-def test_what_both_ends_send_is_framed_as_the_mcus() -> None:
+def test_messages_of_both_ends_are_framed_as_the_mcus() -> None:
     text = """
 wirebond: 1
 protocol: chatter

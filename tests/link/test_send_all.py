@@ -62,7 +62,7 @@ def test_each_refused_frame_has_its_error(link: wirebond.Link) -> None:
     assert link.internals.sender.send_all([]) == []
 
 
-def test_messages_that_need_more_than_their_frame_are_told() -> None:
+def test_messages_that_need_more_than_their_frame_are_reported() -> None:
     servo = wirebond.load(PROTOCOLS / "servo_bus.yaml")
     for each, name, plain in ((ROVER, "velocity", True), (ROVER, "status_query", False)):
         with wirebond.open(each, "sim:") as link:

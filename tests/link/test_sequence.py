@@ -156,7 +156,7 @@ def test_encode_gives_the_same_bytes_each_time() -> None:
     assert codec.encode("arm", torque=1) == codec.encode("arm", torque=1)
 
 
-def test_the_link_counts_what_is_missing_of_the_other_ends_frames() -> None:
+def test_the_link_counts_missing_frames_of_the_other_end() -> None:
     text = FRAMES["plain"].replace("PER", "")
     codec = wirebond.Codec(
         loads(f"wirebond: 1\nprotocol: p\nframe: {text}\nmessages: {{pose: {{id: 9, sender: mcu, fields: {{}}}}}}\n")

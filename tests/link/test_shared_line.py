@@ -45,7 +45,7 @@ def heard(of: Codec, data: bytes, step: int = 0) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("step", [0, 1, 7])
-def test_ids_tell_the_sender(step: int) -> None:
+def test_ids_identify_the_sender(step: int) -> None:
     source = random.Random(step)
     data = b"".join(frame + source.randbytes(source.randrange(4)) for frame in [VELOCITY, ODOMETRY] * 10)
     expected = [("host", "velocity"), ("mcu", "odometry")] * 10
@@ -59,7 +59,7 @@ def test_a_frame_that_one_end_alone_knows_is_its_own_although_the_other_reads_it
     assert heard(of, data) == [("host", "command"), ("mcu", "state")]
 
 
-def test_addresses_tell_the_sender_of_messages_of_both() -> None:
+def test_addresses_identify_the_sender_of_messages_of_both() -> None:
     addressed = Codec(loads(HEAD + """
 frame:
   - magic: 0xA5
@@ -75,7 +75,7 @@ messages: {note: {id: 3, sender: both}}
     assert SharedLine(addressed).untold == []
 
 
-def test_what_nothing_tells_apart_is_said_and_comes_as_either() -> None:
+def test_indistinguishable_messages_are_reported_and_come_as_either() -> None:
     of = Codec(loads(HEAD + FRAME + SAME_ID))
     line = SharedLine(of)
     assert [sentence.split(" look")[0].split(", and")[0] for sentence in line.untold] == [
@@ -93,7 +93,7 @@ def test_a_reply_follows_its_request_and_nothing_else_does() -> None:
     assert heard(of, read + value + read + value) == [("host", "read"), ("mcu", "value")] * 2
 
 
-def test_where_only_the_request_tells_what_a_reply_is_it_does() -> None:
+def test_a_request_identifies_its_reply_if_nothing_else_does() -> None:
     of = Codec(loads(HEAD + FRAME + """
 messages:
   ask_speed: {id: 1, sender: host, reply: speed}
@@ -159,7 +159,7 @@ def test_listen_reads_one_port_that_hears_both() -> None:
 
 
 @pytest.mark.live
-def test_the_command_says_who_sent_what_on_one_port(
+def test_the_command_names_the_senders_on_one_port(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     port = PtyPort()

@@ -193,7 +193,7 @@ def test_a_burst_leaves_a_pty_no_faster_than_its_pauses_allow() -> None:
         (None, 0),
     ],
 )
-def test_the_device_tells_how_long_a_port_holds_bytes_back(tmp_path: Path, device: str | None, expected: int) -> None:
+def test_the_device_says_how_long_a_port_holds_bytes_back(tmp_path: Path, device: str | None, expected: int) -> None:
     (tmp_path / "class" / "ttyX0").mkdir(parents=True)
     if device is not None:
         (tmp_path / device).mkdir(parents=True)

@@ -76,7 +76,7 @@ def test_a_virtual_mcu_is_no_host() -> None:
     assert simulations() == before
 
 
-def test_a_name_behind_the_colon_is_refused_with_what_to_write() -> None:
+def test_a_name_after_the_colon_is_refused_with_what_to_write() -> None:
     with pytest.raises(UsageError, match="there is no simulator sim:robot; write sim: alone"):
         wirebond.open(FILE, "sim:robot")
 

@@ -48,7 +48,7 @@ def test_each_read_and_each_write_keeps_its_own_time() -> None:
     assert core.take_tap(tap) == ([], 0, 0, 0)
 
 
-def test_what_does_not_fit_is_counted_and_the_link_goes_on() -> None:
+def test_lines_that_do_not_fit_are_counted_and_the_link_goes_on() -> None:
     codec = manipulator()
     core = core_of(codec)
     core.port_up(0)
@@ -90,7 +90,7 @@ def test_many_small_reads_are_bounded_too() -> None:
     assert lost == [70_000 - 65536, 70_000 - 65536, 0]
 
 
-def test_a_link_tells_what_happens_to_it() -> None:
+def test_a_link_reports_its_events() -> None:
     codec = manipulator()
     core = core_of(codec)
     core.port_up(0)
@@ -126,7 +126,7 @@ def test_a_link_tells_what_happens_to_it() -> None:
     ]
 
 
-def test_a_tap_that_is_opened_late_learns_how_the_link_stands() -> None:
+def test_a_tap_that_is_opened_late_learns_the_state_of_the_link() -> None:
     codec = manipulator()
     core = core_of(codec)
     core.port_up(0)

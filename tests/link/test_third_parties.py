@@ -124,7 +124,7 @@ def test_messages_go_both_ways_and_it_comes_back_when_the_server_does(
         assert link.stats.reconnects == 1
 
 
-def test_it_comes_back_when_the_device_behind_the_server_does(served: Served, device: Callable[[], PtyPort]) -> None:
+def test_it_comes_back_when_the_servers_device_does(served: Served, device: Callable[[], PtyPort]) -> None:
     far = device()
     with wirebond.open(without_deadlines(), served.name, wait_for_port=True) as link:
         both_ways(link, far)
@@ -150,7 +150,7 @@ def test_the_servers_line_gets_the_settings_of_the_protocol(served: Served, devi
 # ---- what goes wrong with a server
 
 
-def test_a_server_without_rfc_2217_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_server_without_rfc_2217_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("wirebond.link.python_ports._RFC2217_OPTIONS", "ign_set_control&timeout=0.2")
     with socket.create_server(("127.0.0.1", 0)) as server:
         number = server.getsockname()[1]
@@ -158,7 +158,7 @@ def test_a_server_without_rfc_2217_is_told(monkeypatch: pytest.MonkeyPatch) -> N
             wirebond.open(without_deadlines(), f"rfc2217://127.0.0.1:{number}")
 
 
-def test_a_server_that_is_not_there_or_is_in_use_is_told() -> None:
+def test_a_server_that_is_missing_or_in_use_is_reported() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         name = f"rfc2217://127.0.0.1:{server.getsockname()[1]}"
 
@@ -192,7 +192,7 @@ class Uart:
             raise ValueError("this UART runs at 9600 baud")
 
 
-def test_refused_settings_are_told() -> None:
+def test_refused_settings_are_reported() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
 
         class Connection:

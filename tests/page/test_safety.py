@@ -46,7 +46,7 @@ def velocities(seat: Seat, since: float) -> list[Message]:
     return [message for message in frames_in(left) if message.name == "velocity"]
 
 
-def test_a_page_that_stands_still_loses_control(rover: Rover) -> None:
+def test_a_page_that_stalls_loses_control(rover: Rover) -> None:
     """Its worker goes on, and sends the safe value."""
     page = rover.seat.connected("control", is_patient=False)
     rover.drive(page)

@@ -76,7 +76,7 @@ def test_header_fields_may_be_given() -> None:
         ("{sequence: -1}", "-1 does not fit `sequence`"),
     ],
 )
-def test_a_header_field_that_cannot_be_is_told(header: str, sentence: str) -> None:
+def test_an_impossible_header_field_is_reported(header: str, sentence: str) -> None:
     with pytest.raises(ProtocolFileError) as refused:
         loads(NUMBERED + f'\n\nexamples: [{{message: beat, header: {header}, bytes: "AA"}}]')
     assert sentence in str(refused.value)
@@ -181,7 +181,7 @@ def test_an_example_holds_values_within_structs() -> None:
         ("status: {mode", "gap: 0, status: {mode", "gap: 0", "`scan` has no field `gap`"),
     ],
 )
-def test_wrong_values_within_structs_are_told_at_their_place(old: str, new: str, at: str, sentence: str) -> None:
+def test_wrong_values_within_structs_are_reported_at_their_place(old: str, new: str, at: str, sentence: str) -> None:
     text = SHAPES.replace(old, new)
     line = text.count("\n", 0, text.rindex(at)) + 1
     column = text.rindex(at) - text.rfind("\n", 0, text.rindex(at))

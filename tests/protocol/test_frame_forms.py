@@ -63,7 +63,7 @@ def test_parts_that_do_not_go_together_are_refused(parts: list[str], problem: st
     assert str(caught.value) == f"f:{problem}"
 
 
-def test_a_size_that_a_length_in_words_cannot_tell_is_not_sent() -> None:
+def test_a_size_that_a_length_in_words_cannot_express_is_not_sent() -> None:
     codec = Codec(loads(file(["magic: 0xAA", "id: u8", "length: {type: u8, unit: 4}", "payload: by_length"], ANY)))
     for size in range(9):
         values = list(range(size))

@@ -63,7 +63,7 @@ def changed(*edits: tuple[str, str]) -> int:
         ("services: {ping: {request: ask, reply: tell}}\n", ""),
     ],
 )
-def test_what_bytes_mean_changes_the_hash(old: str, new: str) -> None:
+def test_the_meaning_of_bytes_changes_the_hash(old: str, new: str) -> None:
     if old == "byte_order: big\n":
         assert changed(("protocol: rover", "protocol: rover\nbyte_order: big")) != changed()
     else:
@@ -71,7 +71,7 @@ def test_what_bytes_mean_changes_the_hash(old: str, new: str) -> None:
 
 
 @pytest.mark.parametrize("rule", ["counts: rest", "offset: 1", "unit: 2"])
-def test_what_a_run_of_bits_counts_changes_the_hash(rule: str) -> None:
+def test_the_meaning_of_a_counted_run_of_bits_changes_the_hash(rule: str) -> None:
     text = (
         "wirebond: 1\nprotocol: rover\nframe: [magic: 0x01, {bits: u8, fields: {id: 3, length: 5}}, "
         "payload: by_length]\nmessages: {one: {id: 1, sender: host, fields: {x: u16}}}\n"
@@ -107,7 +107,7 @@ def test_swapped_fields_change_the_hash() -> None:
         ("sender: host\n", "sender: host\n    queue: latest\n"),
     ],
 )
-def test_what_bytes_do_not_show_leaves_the_hash_alone(old: str, new: str) -> None:
+def test_changes_that_bytes_do_not_show_leave_the_hash_alone(old: str, new: str) -> None:
     assert changed((old, new)) == changed()
 
 
@@ -177,7 +177,7 @@ def test_names_of_types_and_padding_leave_the_hash_alone(old: str, new: str) -> 
     assert protocol_hash(loads(SHAPES.replace(old, new))) == protocol_hash(loads(SHAPES))
 
 
-def test_what_a_count_tells_is_in_the_hash_and_what_asks_for_it_is_not() -> None:
+def test_the_meaning_of_a_count_is_in_the_hash_and_its_notation_is_not() -> None:
     text = """
 wirebond: 1
 protocol: counted

@@ -76,7 +76,7 @@ def test_each_end_has_its_own_defaults_and_the_forms_that_follow_from_them() -> 
         ("{field: source, type: u8, address: sender}", End.MCU, None, 0),
     ],
 )
-def test_the_plan_says_for_whom_a_frame_is_and_who_sent_it(
+def test_the_plan_has_receiver_and_sender_of_a_frame(
     part: str, end: End, address: int | None, peer: int | None
 ) -> None:
     plan = plan_for(protocol(part), end)

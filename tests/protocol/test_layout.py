@@ -62,7 +62,7 @@ def test_bits_have_places_of_their_own_and_say_which_they_are(layout: tuple[Step
     assert [run.bits_of(0x1A5) for run in state.members] == [5, 0, 10]
 
 
-def test_what_tells_a_number_of_elements_or_bytes_is_found_by_its_slot(layout: tuple[Step, ...]) -> None:
+def test_counts_of_elements_or_bytes_are_found_by_their_slot(layout: tuple[Step, ...]) -> None:
     _, state, _, points, size, name, last = layout
     assert isinstance(state, Bits)
     assert isinstance(points, List)

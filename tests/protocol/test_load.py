@@ -95,7 +95,7 @@ def test_enterprize_checks_its_header_before_its_whole() -> None:
     assert protocol.link.bits_per_byte == 11
 
 
-def test_native_lies_between_zeros_and_names_its_services() -> None:
+def test_native_is_between_zeros_and_names_its_services() -> None:
     protocol = load(PROTOCOLS / "native.yaml")
     assert (protocol.format.delimiter, protocol.format.stuffing, protocol.format.max_payload) == (b"\x00", "cobs", 64)
     assert [service.name for service in protocol.services] == ["hello", "ping", "clock", "log", "parameter"]
@@ -106,13 +106,13 @@ def test_native_lies_between_zeros_and_names_its_services() -> None:
     assert dict(stop.values) == {"speed": 0.0, "mode": "idle"}
 
 
-def test_a_high_byte_of_a_sum_is_one_byte_and_too_weak_to_deliver_what_is_unknown() -> None:
+def test_a_high_byte_of_a_sum_is_one_byte_and_too_weak_to_deliver_unknown_messages() -> None:
     check = load(PROTOCOLS / "pid_tuner.yaml").format.parts[4]
     assert (check.size, check.shift, check.ranges) == (1, 8, ((1, 3),))
     assert not load(PROTOCOLS / "pid_tuner.yaml").format.deliver_unknown
 
 
-def test_what_a_file_leaves_out_has_the_documented_defaults() -> None:
+def test_missing_keys_have_the_documented_defaults() -> None:
     protocol = rover(SIMPLE)
     assert (protocol.link.baud, protocol.link.data_bits, protocol.link.parity) == (115200, 8, "none")
     assert protocol.link.stop_bits == 1
@@ -289,7 +289,7 @@ def test_a_text_reaches_to_the_payloads_end_or_has_a_fixed_size() -> None:
     assert (rest.kind, rest.max_size, rest.is_variable) == (FieldKind.TEXT, 9, True)
 
 
-def test_fields_within_fields_become_what_they_mean() -> None:
+def test_fields_within_fields_are_expanded() -> None:
     protocol = load(Path(__file__).parents[1] / "generate" / "code" / "every_shape.yaml")
     low, high, *_ = protocol.message("bits").fields
     assert (low.kind, low.size, low.first, [f.width for f in low.fields]) == (
@@ -323,7 +323,7 @@ def test_an_alias_repeats_what_it_names() -> None:
     assert (a.name, b.name, b.unit, b.size) == ("a", "b", "V", 4)
 
 
-def test_two_loads_of_one_file_are_equal_wherever_it_lies(tmp_path: Path) -> None:
+def test_two_loads_of_one_file_are_equal_in_any_folder(tmp_path: Path) -> None:
     copy = tmp_path / "copy.yaml"
     copy.write_bytes((PROTOCOLS / "native.yaml").read_bytes())
     assert load(copy) == load(str(PROTOCOLS / "native.yaml"))
@@ -341,7 +341,7 @@ def test_a_run_that_is_a_length_may_count_words() -> None:
     assert [dict(message.fields) for message in codec.decoder("host").feed(raw)] == [{"x": 1, "y": 2}]
 
 
-def test_eight_constant_bits_tell_a_frame() -> None:
+def test_eight_constant_bits_identify_a_frame() -> None:
     codec = Codec(
         rover("{bits: u8, fields: {a: {bits: 8, constant: 0xA5}}}, payload: 4", fields="x: u32", message="sender: host")
     )

@@ -87,7 +87,7 @@ def test_other_messages_are_no_log_lines(arm: Codec) -> None:
     assert (unknown.name, arm.log_line(unknown)) == ("unknown", None)
 
 
-def test_generated_code_tells_what_the_message_says(arm: Codec) -> None:
+def test_generated_code_makes_the_text_of_the_message(arm: Codec) -> None:
     said = message_comment(arm.model.message("motor_hot"))
     assert said.endswith("a log line (warning): motor {motor} is too hot: {temperature} °C, {{braces}} stay.")
 

@@ -85,7 +85,7 @@ messages:
         ("[-1, 1]", "{min: -1}"),
     ],
 )
-def test_what_the_schema_refuses_the_loader_refuses(old: str, new: str) -> None:
+def test_the_loader_refuses_all_that_the_schema_refuses(old: str, new: str) -> None:
     assert VALIDATOR.is_valid(tree(FILE))
     assert loads(FILE)
     wrong = FILE.replace(old, new)

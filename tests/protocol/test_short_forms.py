@@ -97,7 +97,7 @@ def test_a_word_that_is_a_type_of_numbers_stays_that() -> None:
         ("[u8]", "cannot be used for a field"),
     ],
 )
-def test_what_is_wrong_in_a_short_form_is_reported_at_its_place(field: str, sentence: str) -> None:
+def test_a_fault_in_a_short_form_is_reported_at_its_place(field: str, sentence: str) -> None:
     text = HEAD + f"messages: {{a: {{id: 1, sender: mcu, fields: {{b: {field}}}}}}}\n"
     with pytest.raises(ProtocolFileError) as caught:
         loads(text)

@@ -78,7 +78,7 @@ def test_parts_of_every_format_are_written_as_they_were_read(path: Path) -> None
     assert undescribed(again.format.parts) == undescribed(frame_format.parts)
 
 
-def test_what_is_the_default_is_not_written() -> None:
+def test_defaults_are_not_written() -> None:
     model = loads(file_with(["magic: 0xaa", "id: u8", "payload: by_id", "check: {type: xor8, over: magic..payload}"]))
     assert part_text(model.format.parts, 3) == "check: xor8"
 

@@ -64,7 +64,7 @@ UNITS = [
 
 
 @pytest.mark.parametrize(("options", "step", "scale"), UNITS, ids=[options for options, _, _ in UNITS])
-def test_a_stamp_of_any_unit_lies_within_its_bound_also_when_it_wraps(
+def test_a_stamp_of_any_unit_is_within_its_bound_also_when_it_wraps(
     options: str, step: int, scale: float, tmp_path: Path
 ) -> None:
     codec = codec_with(tmp_path, options)

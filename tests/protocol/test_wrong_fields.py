@@ -169,7 +169,7 @@ def test_the_file_of_shapes_that_the_table_spoils_is_good() -> None:
 
 
 @pytest.mark.parametrize(("old", "new", "fragment"), NESTED)
-def test_wrong_fields_within_fields_are_told_at_the_place(old: str, new: str, fragment: str) -> None:
+def test_wrong_fields_within_fields_are_reported_at_their_place(old: str, new: str, fragment: str) -> None:
     assert SHAPES.count(old) == 1, old
     text = SHAPES.replace(old, new)
     if "@" in text:
@@ -179,7 +179,7 @@ def test_wrong_fields_within_fields_are_told_at_the_place(old: str, new: str, fr
         assert [line for line in problems_of(text) if fragment in line]
 
 
-def test_a_message_varies_only_where_the_frame_tells_its_size() -> None:
+def test_a_message_varies_only_if_the_frame_gives_its_size() -> None:
     by_id = SHAPES.replace("length: u16, id: u8, payload: by_length", "id: u8, payload: by_id")
     assert [line for line in problems_of(by_id) if "`rest` reaches to the payload's end" in line]
     counted = by_id.replace("      rest:", "      more: {type: u8}\n#")

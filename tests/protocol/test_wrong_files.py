@@ -171,7 +171,7 @@ SYNTAX = [
 
 
 @pytest.mark.parametrize(("old", "new", "fragment"), SYNTAX)
-def test_wrong_syntax_is_told_at_its_place(old: str, new: str, fragment: str) -> None:
+def test_wrong_syntax_is_reported_at_its_place(old: str, new: str, fragment: str) -> None:
     if new == "":  # the key that is missing has no place of its own: its owner's is named
         text, place = edited(old, new), "rover.yaml:19:3"
     else:
@@ -398,12 +398,12 @@ MEANING = [
 
 
 @pytest.mark.parametrize(("old", "new", "fragment"), MEANING)
-def test_a_file_that_makes_no_sense_is_told_at_the_place(old: str, new: str, fragment: str) -> None:
+def test_a_file_that_makes_no_sense_is_reported_at_its_place(old: str, new: str, fragment: str) -> None:
     text, place = marked(edited(old, new))
     assert [line for line in problems_of(text) if line.startswith(f"{place}: ") and fragment in line]
 
 
-def test_all_problems_are_told_at_once_and_in_order() -> None:
+def test_all_problems_are_reported_at_once_and_in_order() -> None:
     text = GOOD
     for old, new in (
         ("baud: 115200", "bad: 115200"),  # an unknown key

@@ -155,7 +155,7 @@ def frame_of(parts: str) -> str:
 
 
 @pytest.mark.parametrize(("parts", "fragment"), FRAMES)
-def test_a_frame_that_cannot_be_read_is_told_at_the_part(parts: str, fragment: str) -> None:
+def test_a_frame_that_cannot_be_read_is_reported_at_the_part(parts: str, fragment: str) -> None:
     text, place = marked(frame_of(parts).replace("[@delimiter", "[@{delimiter"))
     assert [line for line in problems_of(text) if line.startswith(f"{place}: ") and fragment in line]
 
@@ -188,7 +188,7 @@ def test_a_frame_that_cannot_be_read_is_told_at_the_part(parts: str, fragment: s
         ),
     ],
 )
-def test_a_frame_that_is_wrong_as_a_whole_is_told_at_its_beginning(frame: str, fragment: str) -> None:
+def test_a_frame_that_is_wrong_as_a_whole_is_reported_at_its_beginning(frame: str, fragment: str) -> None:
     text = f"wirebond: 1\nprotocol: rover\n\nframe: {frame}\nmessages: {{one: {{id: 1, sender: host}}}}\n"
     assert [line for line in problems_of(text) if line.startswith(f"rover.yaml:{fragment}")]
 
@@ -293,7 +293,7 @@ ONE_MESSAGE = "wirebond: 1\nprotocol: rover\n{extra}\nframe: [{frame}]\nmessages
         ),
     ],
 )
-def test_messages_that_do_not_fit_their_frame_are_told(extra: str, frame: str, message: str, expected: str) -> None:
+def test_messages_that_do_not_fit_their_frame_are_reported(extra: str, frame: str, message: str, expected: str) -> None:
     text = ONE_MESSAGE.format(extra=extra, frame=frame, message=message)
     assert [line for line in problems_of(text) if line.startswith(f"rover.yaml:{expected}")]
 

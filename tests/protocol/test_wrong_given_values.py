@@ -108,7 +108,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("old", "new", "fragment"), WRONG)
-def test_a_wrong_value_is_told_at_its_place(old: str, new: str, fragment: str) -> None:
+def test_a_wrong_value_is_reported_at_its_place(old: str, new: str, fragment: str) -> None:
     spoilt = GOOD.replace(old, new)
     assert GOOD.count(old) == 1
     if "@" not in new:
@@ -135,7 +135,7 @@ def test_a_wrong_value_is_told_at_its_place(old: str, new: str, fragment: str) -
         ('name: "stop"', 'name: "stop"\n  size: 3', "`size` of `joints` counts `name`, so it is 4"),
     ],
 )
-def test_what_counts_agrees_with_what_it_counts(old: str, new: str, fragment: str) -> None:
+def test_a_given_count_agrees_with_its_elements(old: str, new: str, fragment: str) -> None:
     assert GOOD.count(old) == 1
     text, place = marked(GOOD.replace(old, new).replace("message: joints", "message: @joints"))
     found = problems_of(text)

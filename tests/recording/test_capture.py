@@ -68,7 +68,7 @@ def test_one_of_hex_digits_is_the_same(capture: Path, name: str) -> None:
     assert [m.raw for m in found] == [m.raw for m in expected]
 
 
-def test_what_is_no_hex_digit_is_named_with_its_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_invalid_hex_digit_is_named_with_its_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "line.hex"
     path.write_text("AA 55\n01 zz\n")
     with pytest.raises(UsageError, match=r"line\.hex:2: 'z' is no hex digit"):
@@ -78,7 +78,7 @@ def test_what_is_no_hex_digit_is_named_with_its_line(tmp_path: Path, capsys: pyt
         assert "line.hex:2: 'z' is no hex digit" in " ".join(capsys.readouterr().err.split())
 
 
-def test_bytes_of_the_host_are_what_was_sent(tmp_path: Path) -> None:
+def test_bytes_of_the_host_are_the_sent_ones(tmp_path: Path) -> None:
     path = tmp_path / "host.bin"
     path.write_bytes(b"".join(DIFFDRIVE.encode("velocity", linear=0.001 * n) for n in range(50)))
     recording = recordings.open(path, FILE)

@@ -63,7 +63,7 @@ def read(path: Path, protocol: wirebond.Codec | None) -> recordings.Recording | 
 
 
 @few_or_many(7, 1)  # bytes between two cuts
-def test_cut_anywhere_what_was_whole_is_kept(tmp_path: Path, diffdrive: wirebond.Codec, number: int) -> None:
+def test_cut_anywhere_a_recording_keeps_its_whole_part(tmp_path: Path, diffdrive: wirebond.Codec, number: int) -> None:
     data = small(tmp_path, diffdrive)
     pieces = [p for p in drive(diffdrive, 0.2) if isinstance(p, Chunk)]
     path = tmp_path / "cut.mcap"
@@ -99,7 +99,7 @@ def test_flipped_bits_never_do_harm(tmp_path: Path, diffdrive: wirebond.Codec, c
         assert isinstance(found, str) or len(found.raw("received")) < 10 * len(data)
 
 
-def test_a_damaged_chunk_is_left_out_and_told(tmp_path: Path, diffdrive: wirebond.Codec) -> None:
+def test_a_damaged_chunk_is_skipped_and_reported(tmp_path: Path, diffdrive: wirebond.Codec) -> None:
     path = made(tmp_path / "run.mcap", diffdrive, drive(diffdrive, 500.0))
     close_recording(path)
     before = recordings.open(path).raw("received")
@@ -185,7 +185,7 @@ def test_a_flipped_bit_where_the_file_says_what_follows_costs_a_second_at_most(
         minute.without_bit(tmp_path / "flipped.mcap", source.choice(places), source.randrange(8), diffdrive)
 
 
-def test_the_protocol_and_what_the_file_says_of_itself_survive_a_flipped_bit(
+def test_the_protocol_and_the_files_own_description_survive_a_flipped_bit(
     tmp_path: Path, diffdrive: wirebond.Codec, minute: Minute
 ) -> None:
     (tmp_path / "whole.mcap").write_bytes(minute.data)
@@ -261,7 +261,7 @@ def test_info_does_not_call_a_healthy_file_repaired(
     assert json.loads(capsys.readouterr().out)["repaired"] is False
 
 
-def test_what_is_no_recording_has_its_sentence(
+def test_a_file_that_is_no_recording_gets_a_sentence(
     tmp_path: Path, diffdrive: wirebond.Codec, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "x.mcap"
@@ -310,7 +310,7 @@ def test_a_folder_that_may_not_be_written(tmp_path: Path, diffdrive: wirebond.Co
     assert main(["record", str(PROTOCOLS / "diffdrive.yaml"), "sim:", "-o", str(folder / "run.mcap")]) == 1
 
 
-def test_a_recording_that_cannot_be_closed_is_told_all_the_same(
+def test_a_recording_that_cannot_be_closed_is_reported_all_the_same(
     tmp_path: Path, diffdrive: wirebond.Codec, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = made(tmp_path / "run.mcap", diffdrive, drive(diffdrive, 1.0), finished=False)

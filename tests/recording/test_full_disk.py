@@ -33,7 +33,7 @@ def namespace() -> list[str] | None:
     return None
 
 
-def test_what_was_written_is_kept_the_error_is_told_and_the_link_goes_on(tmp_path: Path) -> None:
+def test_written_bytes_are_kept_the_error_is_reported_and_the_link_goes_on(tmp_path: Path) -> None:
     command = namespace()
     if command is None:
         pytest.skip("no file system can be mounted here: it takes root, or user namespaces and the program unshare")

@@ -66,7 +66,7 @@ def same(a: wirebond.Message, b: wirebond.Message) -> bool:
     return (a.name, a.raw, a.sender) == (b.name, b.raw, b.sender) and abs(a.t - b.t) < 2e-6
 
 
-def test_what_a_link_gives_live_its_recording_gives_again(tmp_path: Path) -> None:
+def test_a_recording_gives_the_same_messages_as_the_live_link(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     live = []
     with wirebond.open(PROTOCOLS / "diffdrive.yaml", "sim:") as link, link.record(path) as recorder:
@@ -150,7 +150,7 @@ def test_a_silence_inside_a_frame_ends_it_in_columns_too(tmp_path: Path, diffdri
     assert found.stats().discarded_bytes["incomplete"] == 10
 
 
-def test_a_reply_that_only_its_request_tells_is_known(tmp_path: Path) -> None:
+def test_a_reply_identified_only_by_its_request_is_known(tmp_path: Path) -> None:
     text = """
 wirebond: 1
 protocol: asked
@@ -205,7 +205,7 @@ def test_a_corrected_protocol_decodes_it_again(tmp_path: Path, diffdrive: wirebo
     assert list(recordings.open(path, corrected).columns()["odometry"]["left_ticks"])[:3] == [0.0, 2.0, 4.0]
 
 
-def test_info_tells_what_a_recording_holds(
+def test_info_lists_the_content_of_a_recording(
     tmp_path: Path, diffdrive: wirebond.Codec, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = made(tmp_path / "run.mcap", diffdrive, [*drive(diffdrive, 2.0), Chunk(2.1, 2.1, "received", b"\x00\x01")])
@@ -247,7 +247,7 @@ def test_export_writes_a_file_for_each_message(
 
 
 @pytest.mark.parametrize(("to", "name"), [("csv", "velocity.csv"), ("mcap", "run-decoded.mcap")])
-def test_export_replaces_files_only_when_told_to(
+def test_export_replaces_files_only_on_request(
     tmp_path: Path, diffdrive: wirebond.Codec, capsys: pytest.CaptureFixture[str], to: str, name: str
 ) -> None:
     path = made(tmp_path / "run.mcap", diffdrive, drive(diffdrive, 1.0))
@@ -355,7 +355,7 @@ def test_a_cancelled_closing_leaves_the_file_as_it_was(tmp_path: Path, diffdrive
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_nothing_that_lies_there_is_overwritten(tmp_path: Path) -> None:
+def test_no_existing_file_is_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     path.write_text("precious")
     with wirebond.open(PROTOCOLS / "diffdrive.yaml", "sim:") as link:

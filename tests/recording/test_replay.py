@@ -145,7 +145,7 @@ def test_the_command_replays_to_a_pty(run: Path) -> None:
             assert link.dump().received == expected
 
 
-def test_what_is_on_its_way_to_the_program_counts_as_unread() -> None:
+def test_bytes_on_their_way_to_the_program_count_as_unread() -> None:
     port = PtyPort()
     program = os.open(port.path, os.O_RDWR | os.O_NOCTTY)
     for _ in range(1000):

@@ -95,7 +95,7 @@ def test_parameter_that_another_client_sets_is_that_of_ros(attached: Attached) -
     assert attached.axis.values["travel"] == pytest.approx(0.75)
 
 
-def test_diagnostics_name_the_tty_behind_the_server(attached: Attached) -> None:
+def test_diagnostics_name_the_servers_tty(attached: Attached) -> None:
     statuses = attached.node.wait(lambda: attached.node.published["/diagnostics"])[-1]["status"]
     tty = attached.axis.line.path
     assert {status["hardware_id"] for status in statuses} == {tty}
@@ -182,7 +182,7 @@ def test_button_that_is_held_all_the_time_does_not_fill_the_log(attached: Attach
     assert len([text for _, text in node.lines if "the emergency stop is released" in text]) < 50 + watch.seconds
 
 
-def test_lost_server_is_told_and_its_return_too(attached: Attached) -> None:
+def test_lost_server_is_reported_and_its_return_too(attached: Attached) -> None:
     node = attached.node
     assert attached.state_comes()
     node.take["/speed"]({"data": 0.5})

@@ -131,7 +131,7 @@ def test_one_message_alone(recording: Path, tmp_path: Path) -> None:
         (["--to", "rosbag"], "expected csv, parquet, mcap, or ros2"),
     ],
 )
-def test_what_is_wrong_leaves_nothing_behind(
+def test_a_failed_bag_leaves_no_file(
     recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], sentence: str
 ) -> None:
     assert main(["export", str(recording), "--to", "ros2", "-o", str(tmp_path), *options]) != 0
@@ -139,7 +139,7 @@ def test_what_is_wrong_leaves_nothing_behind(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_bag_that_exists_is_replaced_only_when_told_to(recording: Path, tmp_path: Path) -> None:
+def test_a_bag_that_exists_is_replaced_only_on_request(recording: Path, tmp_path: Path) -> None:
     command = ["export", str(recording), "--to", "ros2", "-o", str(tmp_path)]
     assert main([*command, "--message", "status"]) == 0
     assert main(command) == 2
@@ -161,7 +161,7 @@ def test_a_folder_that_exists_is_left_as_it_is(
     assert [path.name for path in tmp_path.rglob("*")] == ["run-ros2", "mine"]
 
 
-def test_a_value_that_its_topic_cannot_hold_is_told_once(recording: Path, tmp_path: Path) -> None:
+def test_a_value_that_its_topic_cannot_hold_is_reported_once(recording: Path, tmp_path: Path) -> None:
     opened = wirebond.recording.open(recording)
     mapping = wirebond_mapping(opened, "{data: {from: right_ticks, scale: 1000000, offset: 0}}", "std_msgs/Float32")
     assert write_bag(opened, tmp_path / "fits", mapping) == []

@@ -203,7 +203,7 @@ def commands_status(bench: Bench) -> tuple[int, str, dict[str, str]]:
     return status["level"], status["message"], {pair["key"]: pair["value"] for pair in status["values"]}
 
 
-def test_what_the_mcu_holds_back_is_told_and_ends_by_a_topic() -> None:
+def test_messages_held_back_by_the_mcu_are_reported_until_a_topic_ends_it() -> None:
     rover = Bench(replace(MAPPING, navigation=None))
     node = rover.node
     node.take["/cmd_vel"]({"linear": {"x": 0.5}, "angular": {"z": 0.0}})
@@ -222,7 +222,7 @@ def test_what_the_mcu_holds_back_is_told_and_ends_by_a_topic() -> None:
     rover.close()
 
 
-def test_what_the_mcu_holds_back_from_its_start_is_told() -> None:
+def test_messages_held_back_by_the_mcu_from_its_start_are_reported() -> None:
     text = FAST.replace("then: safe_mode,       recover: explicit,", "then: safe_mode, start: held, recover: explicit,")
     assert text != FAST
     rover = Bench(replace(MAPPING, navigation=None), wirebond.Codec(loads(text)))

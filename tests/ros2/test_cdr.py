@@ -88,7 +88,7 @@ def test_big_endian_messages_are_read() -> None:
     assert plain(decode(type_, data)) == values
 
 
-def test_what_is_left_out_has_the_default_of_ros() -> None:
+def test_missing_members_have_the_default_of_ros() -> None:
     pose = decode(known("geometry_msgs/Pose"), encode(known("geometry_msgs/Pose"), {"position": {"y": 2.0}}))
     assert pose["position"] == {"x": 0.0, "y": 2.0, "z": 0.0}
     assert pose["orientation"] == {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}

@@ -94,7 +94,7 @@ def test_command_that_is_not_finite_is_refused(
 
 
 @pytest.mark.parametrize("values", [{"name": "max_linear", "value": 99.0}, {"name": "stop"}, {"value": 1.0}, {"up": 1}])
-def test_what_the_protocol_refuses_is_counted(commands: Commands, link: FakeLink, values: dict[str, Any]) -> None:
+def test_refusals_by_the_protocol_are_counted(commands: Commands, link: FakeLink, values: dict[str, Any]) -> None:
     assert not commands.send("parameter", values)
     assert (link.sent, commands.counts["refused"]) == ([], 1)
 
@@ -155,7 +155,7 @@ def test_stop_has_the_header_of_the_file_and_goes_to_every_address_that_was_comm
     line.close()
 
 
-def test_what_waited_in_a_stall_is_refused_but_for_a_stop(link: FakeLink, said: list[str]) -> None:
+def test_requests_that_waited_in_a_stall_are_refused_but_for_a_stop(link: FakeLink, said: list[str]) -> None:
     now = [0.0]
     stalls = Stalls(lambda: now[0])
     commands = Commands(link, lambda level, text: said.append(text), why_old=lambda: stalls.why_old)  # type: ignore[arg-type]

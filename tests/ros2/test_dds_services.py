@@ -30,7 +30,7 @@ def domain(monkeypatch: pytest.MonkeyPatch) -> int:
     return number
 
 
-def test_services_that_cannot_be_offered_are_told(domain: int, caplog: pytest.LogCaptureFixture) -> None:
+def test_services_that_cannot_be_offered_are_reported(domain: int, caplog: pytest.LogCaptureFixture) -> None:
     node, type_ = DdsNode("base"), service_type("std_srvs/Trigger")
     assert type_ is not None
     for name in ("/recover", "/reset"):

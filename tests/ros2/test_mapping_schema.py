@@ -75,7 +75,7 @@ def test_every_mapping_of_the_project_is_valid(path: Path) -> None:
         ("poll: [status_query]", "poll: status_query"),
     ],
 )
-def test_what_the_schema_refuses_the_reader_refuses(old: str, new: str) -> None:
+def test_the_reader_refuses_all_that_the_schema_refuses(old: str, new: str) -> None:
     assert VALIDATOR.is_valid(tree(FILE))
     assert read_mapping(FILE, ROVER).node == "rover"
     wrong = FILE.replace(old, new)

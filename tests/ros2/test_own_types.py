@@ -138,7 +138,7 @@ def test_topics_of_own_types_need_one_line_of_a_mapping() -> None:
     assert all(out.plan is not None for out in mapping.publish)
 
 
-def test_typed_topics_are_for_what_no_section_maps() -> None:
+def test_typed_topics_are_for_messages_that_no_section_maps() -> None:
     text = (PROTOCOLS / "ros2" / "diffdrive.yaml").read_text().partition("wirebond_ros2: 1")[2]
     mapping = read(f"typed_topics: unmapped\n{text}")
     assert {one.topic for one in mapping.subscribe} == {"cmd_vel", "~/status_query/send", "~/parameter/send"}
@@ -195,7 +195,7 @@ def test_a_mistake_has_a_sentence(text: str, sentence: str) -> None:
 
 
 @pytest.mark.live
-def test_bridge_publishes_own_types_and_sends_what_comes_as_them() -> None:
+def test_bridge_publishes_and_sends_own_types() -> None:
     bench = Bench(read("typed_topics: all"))
     try:
         bench.mcu_sends("status", battery=12.25, errors=["encoder"], state=[])

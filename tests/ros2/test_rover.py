@@ -317,7 +317,7 @@ def test_commands_drive_the_rover_and_their_silence_stops_it(driving: Peer) -> N
     assert any("aa 55 01 f4 01" in line.data for line in driving.seen["/serial_tx_hex"])
 
 
-def test_what_the_rover_says_becomes_topics(peer: Peer, topics: dict[str, str]) -> None:
+def test_messages_of_the_rover_become_topics(peer: Peer, topics: dict[str, str]) -> None:
     battery = peer.seen["/battery_state"][-1]
     assert 9 < battery.voltage < 13
     assert (battery.header.frame_id, battery.power_supply_status) == ("base_link", 2)
@@ -398,7 +398,7 @@ def test_frames_of_a_topic_are_sent_under_the_same_rules(driving: Peer) -> None:
     stand_still(driving)
 
 
-def test_safe_mode_of_the_mcu_is_told_and_ends_by_a_topic(driving: Peer, robot: rover.RoverProcess) -> None:
+def test_safe_mode_of_the_mcu_is_reported_and_ends_by_a_topic(driving: Peer, robot: rover.RoverProcess) -> None:
     """By the start guide: drive, pause for longer than the deadline, drive on."""
     robot.events()
     driving.wait(lambda: is_driving(driving))
@@ -425,7 +425,7 @@ def test_safe_mode_of_the_mcu_is_told_and_ends_by_a_topic(driving: Peer, robot: 
     stand_still(driving)
 
 
-def test_other_quality_of_service_is_told(peer: Peer, domain: int) -> None:
+def test_other_quality_of_service_is_reported(peer: Peer, domain: int) -> None:
     other = Peer(domain)
     other.advertise("/cmd_vel", "geometry_msgs/Twist", reliable=False)
     assert "reliability" in peer.wait(lambda: said(peer, "a publisher of /cmd_vel offers less than is asked for"))[0]
@@ -434,7 +434,7 @@ def test_other_quality_of_service_is_told(peer: Peer, domain: int) -> None:
 
 
 @pytest.mark.parametrize("adapter", ["dds"], indirect=True)  # over rclpy it is the RMW's to tell
-def test_other_type_is_told(peer: Peer, domain: int) -> None:
+def test_other_type_is_reported(peer: Peer, domain: int) -> None:
     other = Peer(domain)
     other.advertise("/cmd_vel", "geometry_msgs/TwistStamped")
     sends = (

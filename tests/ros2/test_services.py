@@ -133,7 +133,7 @@ def test_reply_of_the_mcu_is_the_response(cart: Cart) -> None:
     cart.node.wait(lambda: cart.node.published["/cart/enabled"])  # the reply is a message as any other
 
 
-def test_without_an_answer_section_any_reply_is_a_success_and_is_told(cart: Cart) -> None:
+def test_without_an_answer_section_any_reply_is_a_success_and_is_reported(cart: Cart) -> None:
     assert cart.call("/cart/enable") == (True, 'enabled: {"on": true, "result": "ok"}')
 
 
@@ -145,7 +145,7 @@ def test_message_without_a_reply_is_a_success_once_it_is_sent(cart: Cart) -> Non
         )
 
 
-def test_reply_that_does_not_come_is_told_and_counted(cart: Cart) -> None:
+def test_missing_reply_is_reported_and_counted(cart: Cart) -> None:
     cart.result = ""
     success, message = cart.call("/hasty")
     assert not success
@@ -186,7 +186,7 @@ def test_deadline_is_over_by_a_call() -> None:
         cart.close()
 
 
-def test_what_moves_is_refused_while_navigation_is_stopped(cart: Cart) -> None:
+def test_moving_requests_are_refused_while_navigation_is_stopped(cart: Cart) -> None:
     cart.bridge.commands.stop("navigation is stopped, because there was no ticks for 60 s")
     try:
         assert cart.call("/motors_enabled", data=True) == (False, cart.bridge.commands.why_stopped)

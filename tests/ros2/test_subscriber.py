@@ -30,7 +30,7 @@ class Even:
         self._taken.append("flush")
 
 
-def test_what_is_not_taken_quickly_keeps_its_place() -> None:
+def test_messages_that_are_not_taken_quickly_keep_their_place() -> None:
     taken: list[Any] = []
     subscriber = Subscriber(NUMBER, taken.append, lambda: taken.append("none"), Even(taken))
     numbers = [encode(NUMBER, {"data": number}) for number in (2, 4, 5, 7, 8)]

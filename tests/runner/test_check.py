@@ -26,7 +26,7 @@ def test_a_conftest_reaches_its_folder() -> None:
     assert RULES in reaching(["conftest.py"])
 
 
-def test_the_engine_reaches_what_imports_it_and_a_file_what_names_it() -> None:
+def test_the_engine_reaches_its_importers_and_a_file_those_that_name_it() -> None:
     assert len(reaching(["core/include/wirebond/bytes.hpp"])) > 100
     assert "tests/recording/test_replay.py" in reaching(["protocols/diffdrive.yaml"])
 

@@ -64,7 +64,7 @@ def test_a_test_that_is_interrupted_has_no_result(tmp_path: Path) -> None:
     assert [str(result["name"]).rpartition("::")[2] for result in results] == ["test_whole"]
 
 
-def test_what_another_run_left_behind_meets_no_test() -> None:
+def test_leftovers_of_another_run_meet_no_test() -> None:
     """The system reuses the numbers of ptys, so a remembered emergency stop would hold another test's robot."""
     command = "import conftest; from wirebond.link.attached.address import socket_folder; print(socket_folder())"
     other = subprocess.run([sys.executable, "-c", command], cwd=ROOT, capture_output=True, text=True, check=True)

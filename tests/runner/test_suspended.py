@@ -40,7 +40,7 @@ def next_number(process: subprocess.Popen[str]) -> str:
     return process.stdout.readline()
 
 
-def test_a_process_stands_still_and_goes_on_afterwards(process: subprocess.Popen[str]) -> None:
+def test_a_process_stops_and_goes_on_afterwards(process: subprocess.Popen[str]) -> None:
     with Suspended(process.pid) as pause:
         assert not pause.has_run
     assert not pause.has_run

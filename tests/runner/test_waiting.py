@@ -38,7 +38,7 @@ def test_a_wait_in_vain_says_what_did_not_come_and_what_all_processes_do() -> No
     assert "waits_for_a_word (<string>:3)" in note  # its Python stack
 
 
-def test_a_wait_looks_once_more_after_its_bound() -> None:
+def test_a_wait_checks_once_more_after_its_bound() -> None:
     """A machine that was suspended beyond the bound is no reason to fail."""
     looks = 0
     for _ in moments("it", bound=0.0):

@@ -84,7 +84,7 @@ def test_a_server_that_is_killed_and_started_again_has_its_clients_back(place: P
         server.wait()
 
 
-def test_a_second_server_of_a_name_is_told_and_the_first_goes_on(
+def test_a_second_server_of_a_name_is_refused_and_the_first_goes_on(
     place: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = place / "run" / "wirebond" / "diffdrive.sock"

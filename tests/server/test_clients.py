@@ -134,7 +134,7 @@ def test_one_stopped_and_one_killed_client_harm_nobody(number: int, served: Serv
             process.stdout.close()
 
 
-def test_a_slow_client_loses_its_own_messages_and_is_told_how_many(
+def test_a_slow_client_loses_its_own_messages_and_learns_how_many(
     served: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("wirebond.server.client.MOST_WAITING", 4096)
@@ -309,14 +309,14 @@ def test_a_request_that_cannot_be_is_refused_and_the_client_stays(served: Served
         assert client.ask(do="ask", what="state") == {"re": 77, "ok": "stale"}
 
 
-def test_what_comes_behind_a_leave_is_nothing(served: Served) -> None:
+def test_after_a_leave_nothing_comes(served: Served) -> None:
     with json_client(served) as client:
         assert client.ask(do="leave") == {"re": 77, "ok": "left"}
         client.send({"do": "beat", "tick": 1})
         assert client.ask(do="ask", what="state")["ok"] == "stale"
 
 
-def test_who_says_nothing_is_closed(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_silent_clients_are_closed(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("wirebond.server.owner.WITHIN", 0.05)
     with socket.socket(socket.AF_UNIX) as raw:
         raw.connect(served.server.path or "")
@@ -324,7 +324,7 @@ def test_who_says_nothing_is_closed(served: Served, monkeypatch: pytest.MonkeyPa
         assert b"did not come within" in b"".join(iter(lambda: raw.recv(65536), b""))
 
 
-def test_a_stall_of_the_server_is_no_silence_of_who_attaches(served: Served) -> None:
+def test_a_stall_of_the_server_is_no_silence_of_its_clients(served: Served) -> None:
     owner = served.server._owner
     with socket.socket(socket.AF_UNIX) as raw:
         raw.connect(served.server.path or "")
@@ -343,7 +343,7 @@ def test_a_stall_of_the_server_is_no_silence_of_who_attaches(served: Served) -> 
             said += came
 
 
-def test_too_many_clients_are_told_so(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_many_clients_get_a_sentence(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("wirebond.server.owner.MOST_CLIENTS", 3)
     links = [served.attach() for _ in range(3)]
     try:
@@ -407,13 +407,13 @@ def test_a_token_is_made_for_tcp_on_loopback_too(served: Served, host: str) -> N
         ("wirebond:///" + "x" * 200, "is no path of a socket"),
     ],
 )
-def test_what_is_no_address_is_refused(address: str, sentence: str) -> None:
+def test_an_invalid_address_is_refused(address: str, sentence: str) -> None:
     with pytest.raises(UsageError, match=sentence):
         wirebond.open(address)
 
 
 @pytest.mark.usefixtures("real_ages")
-def test_a_server_that_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_missing_server_is_reported(tmp_path: Path) -> None:
     with pytest.raises(PortError, match=r"no server runs at .*start one with `wirebond serve FILE PORT`"):
         wirebond.open(f"wirebond://{tmp_path}/none.sock")
     with socket.create_server(("127.0.0.1", 0)) as other:
@@ -422,7 +422,7 @@ def test_a_server_that_is_not_there_is_told(tmp_path: Path) -> None:
             wirebond.open(f"wirebond://127.0.0.1:{other.getsockname()[1]}")
 
 
-def test_a_server_of_another_protocol_is_told(served: Served) -> None:
+def test_a_server_of_another_protocol_is_reported(served: Served) -> None:
     with pytest.raises(UsageError, match="attach with the file that the server was given"):
         wirebond.open(PROTOCOLS / "pid_tuner.yaml", served.address)
 
@@ -502,7 +502,7 @@ def test_an_attached_link_comes_back_when_the_server_does(tmp_path: Path) -> Non
     pty.close()
 
 
-def test_a_connection_that_a_writer_finds_broken_before_the_reader_looks_is_made_anew(
+def test_a_connection_that_a_writer_finds_broken_before_the_reader_is_made_anew(
     served: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with served.attach() as link:

@@ -119,7 +119,7 @@ def test_the_end_of_a_program_ends_its_leases_at_once(served: Served) -> None:
 
 
 @pytest.mark.parametrize("end", ["close", "release"])
-def test_an_orderly_end_of_control_stops_what_was_sent(served: Served, end: str) -> None:
+def test_an_orderly_end_of_control_stops_what_it_moved(served: Served, end: str) -> None:
     with served.attach() as watcher:
         driver = served.attach()
         driver.send("velocity", linear=0.5, angular=0.0)
@@ -236,7 +236,7 @@ def raw(served: Served) -> Iterator[Raw]:
     client.close()
 
 
-def test_a_client_that_takes_the_control_that_it_has_is_told_that_it_has_it(raw: Raw) -> None:
+def test_a_client_that_takes_control_twice_learns_that_it_has_it(raw: Raw) -> None:
     """A page that was cut off for a second assumes that its control ended, and asks for it again."""
     for times in (1, 2):
         wait_until(lambda: "ok" in raw.ask(words.Take(tick=raw.tick)))
@@ -245,7 +245,7 @@ def test_a_client_that_takes_the_control_that_it_has_is_told_that_it_has_it(raw:
 
 @pytest.mark.usefixtures("real_ages")
 @pytest.mark.parametrize("end", ["killed", "runs"])
-def test_what_came_while_the_server_was_stalled_does_not_drive(served: Served, raw: Raw, end: str) -> None:
+def test_commands_received_during_a_stall_do_not_drive(served: Served, raw: Raw, end: str) -> None:
     wait_until(lambda: "ok" in raw.ask(raw.command(0.5)))  # with the newest tick
     stalled, goes_on = threading.Event(), threading.Event()
     served.server._owner.loop.call_soon_threadsafe(lambda: (stalled.set(), goes_on.wait(PATIENCE)))
@@ -268,7 +268,7 @@ def test_what_came_while_the_server_was_stalled_does_not_drive(served: Served, r
 
 @pytest.mark.usefixtures("real_ages")
 @pytest.mark.parametrize("request_", [words.Take(over=True), words.ReleaseStop(over=True)])
-def test_what_lets_the_robot_move_does_not_act_after_a_stall(
+def test_permissions_to_move_do_not_act_after_a_stall(
     served: Served, raw: Raw, request_: words.Take | words.ReleaseStop
 ) -> None:
     """Its program may have given up, and somebody may have stopped the robot since."""

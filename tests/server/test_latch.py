@@ -253,7 +253,7 @@ def test_a_file_that_cannot_be_read_is_a_stop(tmp_path: Path, text: str) -> None
 
 
 @pytest.mark.parametrize("kind", ["fifo", "folder", "symlink", "huge"])
-def test_whatever_stands_there_is_a_stop_and_blocks_no_server(tmp_path: Path, kind: str) -> None:
+def test_any_file_of_that_name_is_a_stop_and_blocks_no_server(tmp_path: Path, kind: str) -> None:
     path, latch = tmp_path / "robot.sock", tmp_path / "robot.sock.stop"
     if kind == "fifo":
         os.mkfifo(latch)

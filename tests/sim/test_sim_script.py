@@ -107,7 +107,7 @@ def test_a_mistake_is_a_sentence_with_its_line(script: str, sentence: str, tmp_p
         virtual_mcu(tmp_path, script)
 
 
-def test_a_mistake_in_a_function_is_told_when_it_is_called(tmp_path: Path) -> None:
+def test_a_mistake_in_a_function_is_reported_when_it_is_called(tmp_path: Path) -> None:
     mcu = virtual_mcu(tmp_path, "def setup(mcu):\n    @mcu.fill('odometry')\n    def f(t):\n        return nothing\n")
     with pytest.raises(UsageError, match=r"behaviour\.py:4: NameError: name 'nothing' is not defined"):
         mcu.tick(0.1)

@@ -56,7 +56,7 @@ def drive(speed: float, mode: str = "manual") -> bytes:
     return HELD.encode("drive", speed=speed, mode=mode)
 
 
-def test_what_is_held_from_the_start_waits_for_its_recovery_and_a_stop_does_not() -> None:
+def test_messages_held_from_the_start_wait_for_recovery_and_a_stop_does_not() -> None:
     mcu = VirtualMcu(HELD, 0.0)
     mcu.feed(drive(0.5), 0.1)
     assert mcu.held_back == 1
@@ -261,7 +261,7 @@ def ticks(mcu: VirtualMcu, begin: float, end: float) -> set[tuple[int, int]]:
     return {(message["left_ticks"], message["right_ticks"]) for message in heard}
 
 
-def test_it_stands_still_until_it_is_commanded() -> None:
+def test_it_does_not_move_until_it_is_commanded() -> None:
     mcu = VirtualMcu(CODEC, 0.0)
     assert ticks(mcu, 0.0, 2.0) == {(0, 0)}
     mcu.feed(VELOCITY, 2.0)

@@ -137,7 +137,7 @@ def test_an_end_with_other_settings_hears_what_a_uart_hears(rate: int, line: str
     assert account["a_to_b"]["handed_over"] - len(expected) in (0, 1)
 
 
-def test_a_second_stop_bit_is_heard_by_who_looks_at_one() -> None:
+def test_a_second_stop_bit_does_not_disturb_a_receiver_of_one() -> None:
     settings = WireSettings(baud=1_000_000, line=LineShape(8, "N", 2), line_b=LineShape(8, "N", 1))
     with WireProcess(settings) as wire, opened(wire.a, wire.b) as (a, b):
         os.write(a, DATA)
@@ -260,7 +260,7 @@ def test_a_pulled_cable_loses_bytes_and_the_account_says_how_many() -> None:
     assert closes(found)
 
 
-def test_what_nobody_reads_is_lost_and_counted() -> None:
+def test_unread_bytes_are_lost_and_counted() -> None:
     with WireProcess(WireSettings(baud=20_000_000)) as wire, opened(wire.a) as (a,):
         for _ in range(40):
             os.write(a, DATA)
@@ -269,7 +269,7 @@ def test_what_nobody_reads_is_lost_and_counted() -> None:
     assert closes(found)
 
 
-def test_command_names_both_ends_and_tells_what_became_of_every_byte(
+def test_command_names_both_ends_and_accounts_for_every_byte(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     names = [str(tmp_path / "a"), str(tmp_path / "b")]
@@ -361,7 +361,7 @@ def test_on_a_line_that_echoes_both_ends_hear_both_and_what_is_sent_at_once_coll
 
 
 @pytest.mark.parametrize("is_engine", [True, False])
-def test_two_links_speak_over_a_line_that_echoes_and_a_collision_loses_only_what_collided(is_engine: bool) -> None:
+def test_two_links_speak_over_a_line_that_echoes_and_a_collision_loses_only_its_own_frames(is_engine: bool) -> None:
     spoken = wirebond.Codec(loads(SHARED_LINE))
     ports = nullcontext() if is_engine else no_engine_ports()
     with (

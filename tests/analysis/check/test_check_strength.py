@@ -19,7 +19,7 @@ def strength(name: str) -> Strength:
     return measure_strength(shipped(name), SAMPLES, SEED)
 
 
-def test_the_high_byte_of_a_sum_lets_through_what_the_baseline_measured() -> None:
+def test_the_high_byte_of_a_sum_lets_through_as_much_as_the_baseline_measured() -> None:
     """Seed 003's C listing: 72.6 % of bit-damaged frames, by a receiver that takes any id and any length."""
     found = strength("pid_tuner_listing")
     assert found.reference is not None
@@ -77,7 +77,7 @@ def test_eight_bits_are_a_note() -> None:
     assert "1 in 256" in finding.reason
 
 
-def test_a_frame_without_a_check_is_told() -> None:
+def test_a_frame_without_a_check_is_reported() -> None:
     codec = made("[magic: 0xA5, id: u8, payload: by_id]")
     finding = assess(codec.model, measure_strength(codec, SAMPLES, SEED), Places())[0]
     assert "49.9 % with 1 bit wrong" in finding.sentence  # two of four bytes carry what only the range can tell
@@ -99,7 +99,7 @@ def test_a_command_left_out_of_the_sum_is_found() -> None:
     assert uncovered(shipped("pid_tuner").model, Places()) == []
 
 
-def test_a_frame_whose_size_its_id_tells_has_no_open_receiver() -> None:
+def test_a_frame_whose_id_gives_its_size_has_no_open_receiver() -> None:
     codec = made("[magic: 0xA5, id: u8, payload: by_id, check: xor8]")
     assert measure_strength(codec, 1000, SEED).reference is None
 

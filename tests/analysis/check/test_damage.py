@@ -77,6 +77,6 @@ def test_an_undamaged_frame_is_accepted_and_a_frame_without_its_magic_is_not() -
     assert measure(own, no_magic, 500, 1).share < 0.02
 
 
-def test_nothing_seen_is_told_with_its_bound() -> None:
+def test_nothing_seen_is_reported_with_its_bound() -> None:
     assert Measured(3000, 0).at_most == pytest.approx(0.001)
     assert Measured(3000, 30).at_most == Measured(3000, 30).share == 0.01

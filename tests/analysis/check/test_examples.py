@@ -72,16 +72,16 @@ def test_every_kind_of_field_can_stand_in_an_example() -> None:
     assert assessed(FIELDS.replace("on", "1").replace("[hot, stuck]", "3"), with_check(FRAME)) == []
 
 
-def test_a_wrong_value_names_its_byte_and_the_check_behind_it() -> None:
+def test_a_wrong_value_names_its_byte_and_the_check_after_it() -> None:
     sentence = assessed(FIELDS.replace("1.5", "1.4"), with_check(FRAME))[0]
     assert sentence.startswith("byte 3 (payload) is 0x96, expected 0x8C, byte 18 (check) is 0x")
 
 
-def test_a_missing_byte_is_told_by_size() -> None:
+def test_a_missing_byte_is_reported_by_size() -> None:
     assert assessed(FIELDS, with_check(FRAME).rsplit(" ", 1)[0]) == ["it has 18 bytes, expected 19"]
 
 
-def test_a_value_that_the_wire_cannot_carry_exactly_is_told() -> None:
+def test_a_value_that_the_wire_cannot_carry_exactly_is_reported() -> None:
     found = assessed(FIELDS.replace("1.5", "1.504"), with_check(FRAME))
     assert found == ["`x` comes back as 1.5, and the example says 1.504"]
 

@@ -42,7 +42,7 @@ def test_the_seeds_protocols_have_the_findings_of_the_baseline(name: str, expect
     assert all(finding.line > 0 for finding in found.findings)
 
 
-def test_a_crc_without_final_xor_under_cobs_is_told_once() -> None:
+def test_a_crc_without_final_xor_under_cobs_is_reported_once() -> None:
     text = (PROTOCOLS / "native.yaml").read_text(encoding="utf-8").replace("crc-16/ibm-sdlc", "crc-16/mcrf4xx")
     found = lint(Codec(loads(text)))
     assert [finding.rule for finding in found.findings] == ["inserted-zero"]

@@ -47,7 +47,7 @@ def told(old: str, new: str) -> dict[str, str]:
     return rows | {str(e.flow): ("breaks: " if e.breaks else "") + e.sentence for e in change.effects}
 
 
-def test_a_scale_is_told_by_a_value() -> None:
+def test_a_scale_is_explained_by_a_value() -> None:
     assert told("scale: 0.001", "scale: 0.01") == {
         "": "breaks: drive.speed: scale 0.001 became 0.01",
         "new host to old MCU": "breaks: 1 m/s arrives as 0.1 m/s",
@@ -111,7 +111,7 @@ def test_a_shorter_deadline_breaks_with_the_old_sender() -> None:
         ("services", "idle: 1 s\nservices", "idle: none became 1 s"),
     ],
 )
-def test_what_touches_no_byte_is_harmless(old: str, new: str, what: str) -> None:
+def test_changes_of_no_byte_are_harmless(old: str, new: str, what: str) -> None:
     found = changes(old, new)
     assert {change.verdict for change in found} == {Verdict.HARMLESS}
     assert not what or [f"{change.what}: {change.sentence}" for change in found] == [what]
@@ -135,7 +135,7 @@ def test_what_touches_no_byte_is_harmless(old: str, new: str, what: str) -> None
         ),
     ],
 )
-def test_what_an_old_end_goes_on_with_breaks(old: str, new: str, sentence: str) -> None:
+def test_changes_that_an_old_end_misreads_are_breaking(old: str, new: str, sentence: str) -> None:
     assert sentence in [change.sentence for change in changes(old, new) if change.verdict == Verdict.BREAKS]
 
 
@@ -318,7 +318,7 @@ def header_rows(old: str, new: str) -> dict[str, str]:
          "its mode is read as heat"),
     ],
 )  # fmt: skip
-def test_what_header_fields_mean_is_compared(old: str, new: str, where: str, sentence: str) -> None:
+def test_the_meaning_of_header_fields_is_compared(old: str, new: str, where: str, sentence: str) -> None:
     assert header_rows(old, new)[f"{where} old host to new MCU"] == f"breaks: {sentence}"
 
 

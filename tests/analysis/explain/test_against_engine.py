@@ -68,7 +68,7 @@ messages:
         "inserted: {after: 0x01 0x02, byte: 0x03, parts: [id: u8, payload: by_id]}",
     ],
 )
-def test_counts_tell_the_size_of_a_stuffed_frame(stuffing: str, number: int) -> None:
+def test_counts_give_the_size_of_a_stuffed_frame(stuffing: str, number: int) -> None:
     proto = Codec(loads(STUFFED_AND_COUNTED.replace("STUFFING", stuffing)))
     for seed in range(number):
         source = random.Random(seed)
@@ -103,7 +103,7 @@ def test_random_bytes_are_examined_alike(name: str, number: int) -> None:
 
 @few_or_many(1, 12)
 @pytest.mark.parametrize("name", sorted(FORMATS))
-def test_every_byte_lies_in_one_stretch_and_frames_carry_the_decoders_values(name: str, number: int) -> None:
+def test_every_byte_is_in_one_stretch_and_frames_carry_the_decoders_values(name: str, number: int) -> None:
     proto = loaded(FORMATS[name])
     pieces = 6 if proto.model.format.max_payload < 256 else 2  # every byte of a frame is a row or more
     for seed in range(number):

@@ -85,7 +85,7 @@ def test_of_a_long_capture_the_first_refused_bytes_are_explained(
         (["--hex", "AA 5"], "no whole number of bytes"),
     ],
 )
-def test_what_is_no_bytes_gets_a_sentence(
+def test_text_that_is_no_bytes_gets_a_sentence(
     arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["explain", FILE, *arguments]) != 0

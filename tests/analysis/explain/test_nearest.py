@@ -170,7 +170,7 @@ def test_a_swallowed_xoff_is_found() -> None:
     assert "(XOFF) at place 5 was swallowed" in guess.what
 
 
-def test_the_other_ends_frame_is_told_from_an_unknown_one() -> None:
+def test_the_other_ends_frame_is_distinguished_from_an_unknown_one() -> None:
     stretch = explained(FRAME, sender=End.MCU)
     assert (stretch.kind, stretch.message) == (Kind.FRAME, "unknown")
     assert stretch.guesses[0].what == "This is a frame that the host sends, not the MCU."

@@ -83,7 +83,7 @@ def test_it_says_what_a_sequence_number_counts(part: str, row: str, meaning: str
     assert [found.meaning for found in stretch.rows if found.name == row] == [meaning]
 
 
-def test_the_rules_are_told_in_the_decoders_order_up_to_the_one_that_fails() -> None:
+def test_the_rules_are_listed_in_the_decoders_order_up_to_the_one_that_fails() -> None:
     broken = POSE[:3] + bytes([POSE[3] ^ 1]) + POSE[4:]
     (stretch,) = explain(MODEL, broken, End.HOST).stretches
     assert stretch.cause == "header_check_mismatch"
@@ -97,7 +97,7 @@ def test_the_rules_are_told_in_the_decoders_order_up_to_the_one_that_fails() -> 
     assert f"found {broken[3]:02X}" in stretch.summary
 
 
-def test_broken_field_rules_are_told_of_a_frame_that_is_delivered() -> None:
+def test_broken_field_rules_are_reported_of_a_delivered_frame() -> None:
     loose = Codec(loads(FILE.replace(", range: [-1, 1]", "").replace(", run: 1", ", run: 1, other: 9")))
     frame = loose.encode("pose", angle=2.5, mode="other", name="x")
     (stretch,) = explain(MODEL, frame, End.HOST).stretches
@@ -159,7 +159,7 @@ def test_stuffing_can_be_undone_and_keeps_every_place(data: bytes) -> None:
         assert sorted([*placed, *(at for at, _ in found.added)]) == list(range(len(block)))
 
 
-def test_a_frame_that_the_file_does_not_know_is_told_with_its_id() -> None:
+def test_a_frame_that_the_file_does_not_list_is_reported_with_its_id() -> None:
     other = Codec(loads(FILE.replace("id: 0x02", "id: 0x33")))
     (stretch,) = explain(MODEL, other.encode("halt"), End.HOST).stretches
     assert (stretch.message, stretch.kind) == ("unknown", Kind.FRAME)

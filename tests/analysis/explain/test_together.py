@@ -48,7 +48,7 @@ def told(explanation: Explanation) -> list[str]:
 
 
 @pytest.mark.parametrize("check", ["sum8", "crc-8"])
-def test_what_fits_all_frames_comes_first_and_is_told_of_each(check: str) -> None:
+def test_a_guess_that_fits_all_frames_comes_first_and_is_reported_for_each(check: str) -> None:
     explanation = explain(loads(ANY_REMOTE.format(check=check)), REMOTE)
     assert set(told(explanation)) == {"Write `- check: xor8`."}
     (best, *_) = explanation.together
@@ -66,7 +66,7 @@ def test_a_hit_that_chance_explains_is_no_advice() -> None:
 
 
 @pytest.mark.parametrize("size", [4, 10])
-def test_short_frames_tell_their_check_as_long_ones_do(size: int) -> None:
+def test_short_frames_reveal_their_check_as_long_ones_do(size: int) -> None:
     source = random.Random(size)
     sender = Codec(loads(SHORT.format(size=size, check="xor8")))
     data = b"".join(sender.encode("m", d=list(source.randbytes(size))) for _ in range(12))
@@ -85,7 +85,7 @@ def test_damaged_frames_among_good_ones_do_not_speak_for_another_check() -> None
     assert explanation.together == ()
 
 
-def test_frames_that_are_longer_than_the_file_says_are_told_by_how_much() -> None:
+def test_too_long_frames_are_reported_with_the_difference() -> None:
     codec = Codec(loads(NEW))
     data = codec.encode("odom", x=1, y=2, theta=3, gyro_z=4) + codec.encode("odom", x=5, y=2, theta=3, gyro_z=9)
     (first, second) = explain(loads(OLD), data, "mcu").stretches
@@ -97,14 +97,14 @@ def test_frames_that_are_longer_than_the_file_says_are_told_by_how_much() -> Non
     assert second.guesses[0].reading == "odom: x 5, y 2, theta 3"
 
 
-def test_frames_that_are_shorter_are_told_too() -> None:
+def test_too_short_frames_are_reported_too() -> None:
     codec = Codec(loads(OLD))
     data = b"".join(codec.encode("odom", x=number, y=2, theta=3) for number in range(6))
     explanation = explain(loads(NEW), data, "mcu")
     assert explanation.together[0].what.endswith("the frames are 2 bytes shorter than the file says.")
 
 
-def test_a_size_that_the_id_tells_is_told_of_its_message() -> None:
+def test_a_size_given_by_the_id_is_reported_for_its_message() -> None:
     old = OLD.replace("payload: 6", "payload: by_id").replace(
         "messages:\n", "messages:\n  beat: {id: 2, sender: mcu, fields: {n: {type: u8}}}\n"
     )

@@ -32,7 +32,7 @@ def content(folder: Path) -> dict[Path, bytes]:
 
 
 @pytest.mark.parametrize("options", OPTIONS, ids=" ".join)
-def test_what_was_generated_is_current_until_the_file_changes(
+def test_generated_code_is_current_until_the_file_changes(
     protocol: Path, tmp_path: Path, options: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
@@ -56,7 +56,7 @@ def test_what_was_generated_is_current_until_the_file_changes(
     assert content(out) == before
 
 
-def test_what_an_older_version_left_is_superfluous(
+def test_files_of_an_older_version_are_superfluous(
     protocol: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"

@@ -39,7 +39,7 @@ def test_folder_is_complete_and_second_run_touches_nothing(protocols: list[Proto
     assert all(path.stat().st_mtime_ns == before[path][0] for path in files[1:])
 
 
-def test_first_line_tells_file_and_hash_but_no_folder(protocols: list[Protocol]) -> None:
+def test_first_line_has_file_and_hash_but_no_folder(protocols: list[Protocol]) -> None:
     protocol = diffdrive(protocols)
     text = cpp_header(protocol)
     assert text.splitlines()[0] == (

@@ -54,7 +54,7 @@ def fuzzed(source: random.Random) -> str:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_no_text_swallows_the_line_behind_it(seed: int, shell: Shell, tmp_path: Path) -> None:
+def test_no_text_swallows_the_line_after_it(seed: int, shell: Shell, tmp_path: Path) -> None:
     source = random.Random(seed)
     texts = [*HARD, *(fuzzed(source) for _ in range(40))]
     protocol = loads(protocol_text(texts))

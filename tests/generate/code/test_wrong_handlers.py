@@ -102,7 +102,7 @@ def test_right_functions_compile(protocol: str, function: str, generated: Path) 
         ("headers", "bool fill(headers::Beat&, int) { return true; }", "is not this protocol's header to change"),
     ],
 )
-def test_a_wrong_signature_is_told(protocol: str, function: str, advice: str, generated: Path) -> None:
+def test_a_wrong_signature_is_reported(protocol: str, function: str, advice: str, generated: Path) -> None:
     assert advice in words(generated, protocol, function)
 
 
@@ -116,7 +116,9 @@ OF_THIS_END = [
 
 
 @pytest.mark.parametrize(("protocol", "function", "message"), OF_THIS_END)
-def test_an_on_for_a_message_of_this_end_is_told(protocol: str, function: str, message: str, generated: Path) -> None:
+def test_an_on_for_a_message_of_this_end_is_reported(
+    protocol: str, function: str, message: str, generated: Path
+) -> None:
     said = words(generated, protocol, function)
     assert "for this message, which only its own end sends: it would never be called. Remove it, or derive" in said
     assert f"OnOfRightEnd<Handler, {message}>" in said
@@ -186,5 +188,5 @@ def test_messages_may_be_called_as_the_lists_of_messages_are(tmp_path: Path) -> 
         ("headers", "headers::Header header;", "no matching function"),
     ],
 )
-def test_a_wrong_header_is_told(protocol: str, statement: str, advice: str, generated: Path) -> None:
+def test_a_wrong_header_is_reported(protocol: str, statement: str, advice: str, generated: Path) -> None:
     assert advice in words(generated, protocol, "", statement)

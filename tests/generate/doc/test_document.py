@@ -126,7 +126,7 @@ def test_text_of_the_file_cannot_break_a_table(tmp_path: Path) -> None:
     assert r"| a \| b &lt;script> `x |" in markdown(wirebond.load(file))
 
 
-def test_a_log_line_stands_with_its_text_and_level() -> None:
+def test_a_log_line_has_its_text_and_level() -> None:
     text = (ROOT / "protocols" / "diffdrive.yaml").read_text(encoding="utf-8")
     logged = text.replace("  status:\n", '  status:\n    log: "battery at {battery} V"\n    level: warning\n', 1)
     section = markdown(Codec(loads(logged))).split("### Message status\n")[1].split("\n### ")[0]

@@ -161,7 +161,7 @@ def test_ids_and_senders_are_taken_from_names_or_said_to_be_unknown(tmp_path: Pa
     assert "sender: host  # not known: host or mcu" in text
 
 
-def test_what_the_header_cannot_tell_is_said(tmp_path: Path) -> None:
+def test_facts_that_the_header_lacks_are_listed(tmp_path: Path) -> None:
     text, _ = imported(tmp_path)
     head = text.split("wirebond: 1")[0]
     assert all(f"#   {word} " in head for word in ("frame", "id", "sender", "scale", "every"))
@@ -192,7 +192,7 @@ def test_a_struct_within_another_is_no_message_of_its_own(tmp_path: Path) -> Non
         ("uint8_t many[sizeof(int)];", "cannot calculate a size or value"),
     ],
 )
-def test_what_cannot_be_described_is_left_out_with_its_reason(tmp_path: Path, member: str, reason: str) -> None:
+def test_indescribable_members_are_left_out_with_a_reason(tmp_path: Path, member: str, reason: str) -> None:
     header = tmp_path / "x.h"
     header.write_text(f"#include <stdint.h>\nstruct bad {{ uint8_t first; {member} }};\nstruct good {{ int x; }};\n")
     found = import_header(header, "x")
@@ -230,7 +230,7 @@ def test_the_compilers_own_preprocessor_gives_the_same(tmp_path: Path) -> None:
     assert strip == [[(f.name, f.kind, f.size, f.count) for f in m.fields] for m in theirs.messages]
 
 
-def test_the_imported_file_encodes_as_the_struct_lies_in_memory(tmp_path: Path) -> None:
+def test_the_imported_file_encodes_as_the_struct_is_in_memory(tmp_path: Path) -> None:
     _, protocol = imported(tmp_path)
     codec = Codec(protocol)
     frame = codec.encode("outer", a=1, t={"a": 2, "b": 0x01020304})

@@ -98,7 +98,7 @@ def test_where_there_is_no_sysfs_there_are_no_ports(tmp_path):
     assert serial_ports(tmp_path) == []
 
 
-def test_the_root_may_be_relative_and_lie_behind_a_link(machine, tmp_path, monkeypatch):
+def test_the_root_may_be_relative_and_a_symbolic_link(machine, tmp_path, monkeypatch):
     machine.usb_serial("ttyUSB0", "1-1", "10c4:ea60")
     (tmp_path / "behind").symlink_to(machine.root)
     monkeypatch.chdir(tmp_path)

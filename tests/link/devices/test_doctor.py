@@ -31,7 +31,7 @@ def desk(machine):
     return machine
 
 
-def test_without_a_port_all_are_examined_and_what_may_be_meant_is_a_warning(desk, capsys):
+def test_without_a_port_all_are_examined_and_findings_are_warnings(desk, capsys):
     found = said(desk)
     assert {port for port, _ in found} == {"/dev/ttyACM0", "/dev/ttyUSB0", "/dev/ttyS0", None}
     assert found["/dev/ttyUSB0", "holder"] is Verdict.WARNING
@@ -121,7 +121,7 @@ def test_a_machine_without_ports_says_what_to_check(machine, capsys):
     assert "this Podman container sees what its host sees" in " ".join(capsys.readouterr().out.split())
 
 
-def test_what_is_printed(desk, capsys):
+def test_printed_report(desk, capsys):
     examine_machine("/dev/ttyUSB0", False, desk.root)
     shown = capsys.readouterr().out
     assert shown.startswith(
@@ -159,7 +159,7 @@ def test_nothing_is_changed(desk, capsys):
     assert tree() == before
 
 
-def test_what_a_device_says_of_itself_cannot_command_the_terminal(machine, capsys):
+def test_a_devices_own_texts_cannot_command_the_terminal(machine, capsys):
     machine.usb_serial("ttyUSB0", "1-1", "10c4:ea60", product="\x1b[2J[red]x")
     machine.write("etc/udev/rules.d/brltty[red].rules", 'ENV{PRODUCT}=="10c4/ea60/*"\n')
     examine_machine(None, False, machine.root)

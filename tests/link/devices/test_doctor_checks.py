@@ -77,7 +77,7 @@ def stranger(fake, name="ana"):
     return User(status.st_uid + 1, frozenset({status.st_gid + 1}), name)
 
 
-def test_who_is_not_in_the_group_gets_the_command_with_its_name(owned):
+def test_a_user_outside_the_group_gets_the_command_with_its_name(owned):
     found = asked(check_permission, owned, stranger(owned))
     assert found.verdict is PROBLEM
     assert found.sentence == "you may not open it: it belongs to the group uucp, and you are not in it"
@@ -85,7 +85,7 @@ def test_who_is_not_in_the_group_gets_the_command_with_its_name(owned):
     assert "log out and in again" in found.then
 
 
-def test_who_joined_the_group_after_logging_in(owned):
+def test_a_user_who_joined_the_group_after_logging_in(owned):
     found = asked(check_permission, owned, stranger(owned, "ben"))
     assert found.verdict is PROBLEM
     assert found.cure == ("newgrp uucp",)
@@ -112,7 +112,7 @@ def test_a_device_that_a_login_has_taken_gets_no_rule(owned):
     assert found.cure == ()
 
 
-def test_who_may_open_it(owned):
+def test_users_who_may_open_it(owned):
     file = owned.root / "dev/ttyUSB0"
     member = User(file.stat().st_uid + 1, frozenset({file.stat().st_gid}), "ben")
     assert asked(check_permission, owned, member).verdict is OK

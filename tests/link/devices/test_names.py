@@ -86,7 +86,7 @@ def test_each_port_has_a_name_of_its_own(desk):
         assert resolve(name, desk.root) == path
 
 
-def test_two_ports_of_one_interface_are_told_apart_by_their_number(machine):
+def test_two_ports_of_one_interface_are_distinguished_by_their_number(machine):
     interface = machine.interface(machine.usb_device("1-1", "10c4:ea71"), 0, "mos7840")
     for number in range(2):
         port = machine.attributes(interface / f"ttyUSB{number}", port_number=str(number))
@@ -97,7 +97,7 @@ def test_two_ports_of_one_interface_are_told_apart_by_their_number(machine):
     assert resolve("usb:10c4:ea71@0.1", machine.root) == "/dev/ttyUSB1"
 
 
-def test_a_serial_number_that_ends_like_an_interface_gets_its_interface_behind_it(machine):
+def test_a_serial_number_that_ends_like_an_interface_gets_its_interface_appended(machine):
     machine.acm("ttyACM0", machine.usb_device("1-1", "0483:5740", serial="A@1"))
     ports = serial_ports(machine.root)
     name = stable_name(ports[0], ports)

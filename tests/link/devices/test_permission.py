@@ -28,7 +28,7 @@ def user(device, name="ana", member=False):
     return User(status.st_uid + 1, frozenset({status.st_gid if member else status.st_gid + 1}), name)
 
 
-def test_who_is_not_in_the_group_is_told_its_name(machine, device):
+def test_a_user_outside_the_group_learns_its_name(machine, device):
     assert permission("/dev/ttyUSB0", machine.root, user(device)).refusal is Refusal.NOT_A_MEMBER
     assert no_permission("/dev/ttyUSB0", machine.root, user(device)) == (
         "no permission to open /dev/ttyUSB0; join its group with `sudo usermod -aG uucp $USER`, then log in again"
@@ -39,7 +39,7 @@ def test_a_member_may_open_it(machine, device):
     assert permission("/dev/ttyUSB0", machine.root, user(device, member=True)).refusal is None
 
 
-def test_who_has_joined_since_the_session_began_must_log_in_again(machine, device):
+def test_a_user_who_joined_since_the_session_began_must_log_in_again(machine, device):
     assert permission("/dev/ttyUSB0", machine.root, user(device, "ben")).refusal is Refusal.OLD_SESSION
     assert no_permission("/dev/ttyUSB0", machine.root, user(device, "ben")) == (
         "no permission to open /dev/ttyUSB0; you are in its group uucp, but were not when this session began: "
@@ -88,7 +88,7 @@ def test_a_device_that_is_gone_has_no_group_and_still_a_sentence(machine):
     )
 
 
-def test_what_the_mode_allows_and_the_system_refused_is_not_blamed_on_a_group(machine, device):
+def test_a_refusal_that_the_mode_allows_is_not_blamed_on_a_group(machine, device):
     sentence = no_permission("/dev/ttyUSB0", machine.root, user(device, member=True))
     assert "something else forbids it, such as the rules of a container" in sentence
 

@@ -83,7 +83,7 @@ def test_a_system_that_is_not_linux_is_said_to_be_the_reason(tmp_path, capsys):
     assert capsys.readouterr().out.startswith("Ports are listed from /sys/class/tty, which only Linux has.\n")
 
 
-def test_what_a_device_says_of_itself_cannot_command_the_terminal(machine, capsys):
+def test_a_devices_own_texts_cannot_command_the_terminal(machine, capsys):
     machine.usb_serial("ttyUSB0", "1-1", "10c4:ea60", product="\x1b[2J[red]x")
     list_ports(False, machine.root)
     shown = capsys.readouterr().out

@@ -125,7 +125,7 @@ class Mapped(mmap.mmap):
         cls.bytes -= size
 
 
-def test_the_memory_that_is_told_is_what_it_takes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_reported_memory_is_what_it_takes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Counted where it is allocated: what the process has in memory also depends on what it had free before."""
     monkeypatch.setattr(mmap, "mmap", Mapped)
     source = source_of("diffdrive")

@@ -52,7 +52,7 @@ def test_silences_between_messages_are_marked_however_they_are_fed(apart: bool) 
     assert strikes(of) == [(2.5, "stop"), (4.5, "stop")]
 
 
-def test_behind_an_explicit_deadline_nothing_strikes_until_it_is_ended() -> None:
+def test_after_an_explicit_deadline_nothing_strikes_until_it_is_ended() -> None:
     of = source()
     drive(of, [1.0, 10.0, 12.0])
     of.look(12.0)
@@ -85,7 +85,7 @@ def test_discarded_bytes_are_marked_when_they_came(whole: bool) -> None:
     assert sum(mark["bytes"] for mark in held.values()) == sum(of.streams[End.MCU].stats()["discarded_bytes"].values())
 
 
-def test_only_what_is_new_is_told_and_the_oldest_go_first() -> None:
+def test_only_new_ones_are_reported_and_the_oldest_go_first() -> None:
     marks = Marks(most=3)
     marks.discarded(1.0, "received", 5)
     known = marks.newest
@@ -98,7 +98,7 @@ def test_only_what_is_new_is_told_and_the_oldest_go_first() -> None:
 
 
 @pytest.mark.parametrize(("until", "seen"), [(0.9, 0), (1.0, 1), (1.5, 1), (2.5, 2), (None, 2)])
-def test_what_was_discarded_last_is_seen_at_every_position(until: float | None, seen: int) -> None:
+def test_the_last_discarded_bytes_are_seen_at_every_position(until: float | None, seen: int) -> None:
     of = source()
     damaged = frame(7, True)
     of.feed(

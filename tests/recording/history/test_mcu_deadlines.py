@@ -21,7 +21,7 @@ def struck(source: Source, now: float) -> dict[int, bool]:
     return {state["deadline"]: state["since"] is not None for state in source.mcu_deadlines.states(now)}
 
 
-def test_what_was_sent_tells_which_deadlines_have_struck_at_the_mcu() -> None:
+def test_sent_messages_show_which_deadlines_have_struck_at_the_mcu() -> None:
     for seed in range(20):
         chance = random.Random(seed)
         mcu, source = VirtualMcu(DIFFDRIVE, 0.0), Source(DIFFDRIVE, End.HOST, 0.02)

@@ -58,7 +58,7 @@ def assert_same(found: Pixels, wanted: list[tuple[float, float, float]]) -> None
 
 @settings(max_examples=60, deadline=None)
 @given(data=st.data())
-def test_every_range_has_what_a_sample_by_sample_look_finds(data: st.DataObject) -> None:
+def test_every_range_has_the_extremes_of_all_its_samples(data: st.DataObject) -> None:
     with pytest.MonkeyPatch.context() as patch:
         for name, value in SMALL.items():
             patch.setattr(track, name, value)
@@ -124,7 +124,7 @@ def test_an_update_replaces_only_the_last_pixel(small: None) -> None:
 
 
 @pytest.mark.parametrize("apart", [0.0, 4e-5], ids=["one read", "reads close together"])
-def test_what_waited_in_an_adapter_is_no_gap_and_what_is_missing_is_one(apart: float) -> None:
+def test_rows_that_waited_in_an_adapter_are_no_gap_and_missing_ones_are(apart: float) -> None:
     """1 kHz over an adapter that hands on what came every 16 ms."""
     found = Track({"x": np.dtype(np.float64)}, 0.001)
     made = np.arange(1, 16 * 63 + 1) * 0.001

@@ -31,7 +31,7 @@ def test_a_percentile_is_a_time_that_was_measured() -> None:
 
 
 @pytest.mark.parametrize("times", [[0.001, 0.002, 0.5, 0.5], [0.0101, 0.0102], [-0.001, 0.0, 0.003], [0.25, 0.25]])
-def test_every_time_lies_in_one_bin_whose_bounds_hold_it(times: list[float]) -> None:
+def test_every_time_is_in_one_bin_whose_bounds_hold_it(times: list[float]) -> None:
     bins = histogram(times)
     assert sum(count for _, _, count in bins) == len(times)
     assert (bins[0][0], bins[-1][1]) == (min(times), max(times))

@@ -115,7 +115,7 @@ def test_a_direction_without_messages_is_left_out() -> None:
     assert mix.mcu
 
 
-def test_what_cannot_be_told_is_refused_with_the_reason() -> None:
+def test_experiments_that_cannot_be_judged_are_refused_with_the_reason() -> None:
     with pytest.raises(UsageError, match="silence ends its frames"):
         mix_of(wirebond.load(PROTOCOLS / "contrib" / "modbus_rtu.yaml"))
     asked = """

@@ -40,7 +40,7 @@ def test_overload_fills_the_line_both_ways_and_every_frame_is_accounted_for() ->
     assert is_good(result)
 
 
-def test_load_of_the_seed_offers_what_its_experiment_did() -> None:
+def test_load_of_the_seed_equals_that_of_its_experiment() -> None:
     """Ten frames of 20.2 bytes and four of 45 bytes each millisecond, on 181.8 bytes."""
     result = soaked(minutes=2 * SECONDS, load=None)
     assert result["to_mcu"]["offered"] == pytest.approx(20_000, abs=10)
@@ -74,7 +74,7 @@ def test_an_adapter_that_is_late_at_random_loses_nothing() -> None:
     assert late["to_host"]["latency_us"] != even["to_host"]["latency_us"]
 
 
-def test_a_port_that_goes_away_costs_what_waited_and_what_it_held() -> None:
+def test_a_port_that_goes_away_loses_waiting_and_held_bytes_only() -> None:
     times = (At(0.5, 0.3), At(1.2, 1.5))  # the MCU begins reception again after a second
     result = run(codec("enterprize"), Settings(minutes=4 * SECONDS, unplugs=times))
     assert (result["unaccounted"], result["unplugs"]) == (0, 2)
@@ -98,7 +98,7 @@ def test_same_seed_gives_the_same_soak() -> None:
     assert once != other
 
 
-def test_report_tells_what_was_lost_and_whether_it_ended_early() -> None:
+def test_report_has_the_losses_and_whether_it_ended_early() -> None:
     result = soaked(minutes=SECONDS, ber=1e-4)
     text = markdown(result, ["soak-latency.svg"])
     lost = result["to_mcu"]["lost_to_faults"]
