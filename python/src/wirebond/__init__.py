@@ -177,7 +177,7 @@ def __getattr__(name: str) -> object:
 
 
 def _load_engine() -> object:
-    """``from wirebond import _engine`` comes here first."""
+    """Load the engine for ``from wirebond import _engine``, after checking that it fits."""
     engine_interface = import_module("wirebond.engine_interface")
     try:
         engine = import_module("wirebond._engine")

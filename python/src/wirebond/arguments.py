@@ -14,7 +14,7 @@ _BITS_OF_MOST_DIGITS = 332
 
 
 def shown(value: object, length: int = 80) -> str:
-    """``repr`` of any value, shortened. It never raises: Python writes no integer of more than 4 300 digits."""
+    """Return ``repr`` of any value, shortened. It never raises: Python writes no integer of more than 4 300 digits."""
     if isinstance(value, int) and not isinstance(value, bool) and value.bit_length() > _BITS_OF_MOST_DIGITS:
         return f"{'a negative' if value < 0 else 'an'} integer of more than {_MOST_DIGITS - 1} digits"
     try:
@@ -64,7 +64,7 @@ def whole(name: str, value: object, least: int, greatest: int, unit: str) -> int
 
 
 def hex_bytes(text: str) -> bytes:
-    """``AA 55 01``, ``aa5501``, ``0xAA,0x55``, ``AA:55``: any of these.
+    """Read hex digits in any usual notation: ``AA 55 01``, ``aa5501``, ``0xAA,0x55``, ``AA:55``.
 
     :raises UsageError: it has something else in it, or half a byte.
     """

@@ -25,5 +25,5 @@ def plain(value: Any) -> Any:
 
 
 def encode(value: Any) -> bytes:
-    """JSON of what `plain` gave."""
+    """Encode a result of `plain` as JSON."""
     return msgspec.json.encode(value)

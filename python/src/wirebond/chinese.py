@@ -54,7 +54,7 @@ class Pair:
 
 
 def read_pairs(text: str) -> list[Pair]:
-    """Those of a table.
+    """Read the pairs of a table.
 
     :raises ValueError: it is no table, or a pair is none.
     """
@@ -83,7 +83,7 @@ class Table:
         self._open: Mapping[str, list[Pair]] = _by_begin(pair for pair in self.pairs if pair.names)
 
     def find(self, text: str) -> str | None:
-        """In Chinese; None: no pair is this sentence."""
+        """Translate a sentence; None if no pair matches it."""
         return self._find(text, 0)
 
     def _find(self, text: str, depth: int) -> str | None:
@@ -108,7 +108,7 @@ class Table:
 
 
 def _by_begin(pairs: Iterable[Pair]) -> dict[str, list[Pair]]:
-    """Those with most words of their own first: they say most about the sentence."""
+    """Sort the pairs with the most words of their own first: they are the most specific."""
     found = defaultdict(list)
     for pair in sorted(pairs, key=lambda pair: -sum(map(len, pair.literals))):
         found[pair.literals[0][:1]].append(pair)

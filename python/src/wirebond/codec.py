@@ -58,7 +58,7 @@ class SequenceCounts:
         return self.gaps / sent if sent else 0.0
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON.
+        """Return it as a dictionary for JSON.
 
         :returns: the counts and ``loss``.
         """
@@ -77,7 +77,7 @@ class SequenceStats(SequenceCounts):
     peers: dict[Any, SequenceCounts]
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON.
+        """Return it as a dictionary for JSON.
 
         :returns: the counts, ``loss`` and ``peers``.
         """
@@ -85,7 +85,7 @@ class SequenceStats(SequenceCounts):
 
 
 def stats_from(raw: dict[str, Any]) -> Stats:
-    """From what the engine gives."""
+    """Make it from the engine's counts."""
     sequence = raw.pop("sequence")
     if sequence is not None:
         peers = {peer: SequenceCounts(**counts) for peer, counts in sequence["peers"]}
@@ -135,7 +135,7 @@ class Stats:
     unlisted: dict[tuple[int, int], int] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON.
+        """Return it as a dictionary for JSON.
 
         :returns: the attributes by name; causes that did not occur are left out, and ``sequence`` where it is None.
         """
@@ -369,7 +369,7 @@ class Codec:
         sender: str | None = None,
         **fields: Any,
     ) -> bytes:
-        """One frame's bytes. What a value's own ``__float__`` or ``__index__`` raises comes through.
+        """Return one frame's bytes. Exceptions of a value's own ``__float__`` or ``__index__`` are not caught.
 
         Of a format's forms the first is taken that these header values allow, that has every field given here, and that
         can carry the message.
@@ -410,7 +410,7 @@ class Codec:
         return self.tables.frame_of(index, form, everything, header)
 
     def _end_for(self, message: MessageModel, sender: str | None) -> End:
-        """Whose frame is meant."""
+        """Return the end whose frame is meant."""
         if sender is None:
             return End.HOST if message.sent_by(End.HOST) else End.MCU
         if sender not in (End.HOST, End.MCU):

@@ -44,7 +44,7 @@ def verify(engine: ModuleType) -> None:
 
 
 def _digest_of_bytes(package: Path) -> str:
-    """Equal: nothing was touched. It takes a fraction of a millisecond."""
+    """Return a digest of the files: equal if none was touched. Takes a fraction of a millisecond."""
     found = hashlib.sha256()
     for name in FILES:
         found.update((package / name).read_bytes())
@@ -76,7 +76,7 @@ def _shapes(text: str, with_functions: bool) -> Iterator[str]:
 
 
 def _as_source() -> str:
-    """C++ that defines both."""
+    """Write C++ that defines both."""
     digests = {"interface_bytes": _digest_of_bytes(_PACKAGE), "interface_shapes": digest_of_shapes(_PACKAGE)}
     lines = ["// Written by engine_interface.py.", "namespace wirebond::engine {"]
     for name, digest in digests.items():

@@ -69,7 +69,7 @@ class SeldomFilter(logging.Filter):
 
 
 def limit_errors_of(loop: asyncio.AbstractEventLoop) -> None:
-    """Errors that nobody waits for, such as of a connection, are logged once a second at most."""
+    """Log errors that no program awaits, such as of a connection, once a second at most."""
     seldom = Seldom()
 
     def handle(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:

@@ -29,7 +29,7 @@ class TypedMessage(Protocol):
     NAME: ClassVar[str]
 
     def values(self) -> dict[str, Any]:
-        """Its fields as ``Codec.encode`` takes them."""
+        """Return its fields as ``Codec.encode`` takes them."""
 
 
 class TypedRequest(TypedMessage, Protocol[_Reply_co]):
@@ -98,7 +98,7 @@ def received(kind: type[_Typed], message: Message) -> _Typed:
 
 
 def from_message_of(kind: type) -> Callable[[Message], Any]:
-    """``from_message`` of the generated module that has this class; where none has, the message stays as it is."""
+    """Return ``from_message`` of the generated module that has this class; if none has, the message stays as it is."""
     module = sys.modules.get(message_class(kind).__module__)
     return getattr(module, "from_message", lambda message: message)
 
@@ -136,7 +136,7 @@ def enum_of(kind: type[_Enum], value: str | int) -> _Enum | int:
 
 
 def flags_of(kind: type[_Flags], value: Iterable[str | int]) -> _Flags:
-    """Names, and numbers for bits without a name."""
+    """Return names, and numbers for bits without a name."""
     bits = kind(0)
     for one in value:
         bits |= kind[code_name(one).upper()] if isinstance(one, str) else kind(one)

@@ -11,10 +11,10 @@ _SHORT = {"\n": r"\n", "\r": r"\r", "\t": r"\t"}
 
 
 def visible(text: str, keep: str = "") -> str:
-    """``text`` on one line, with what is unsafe in a terminal as an escape: ``\\x1b``, ``\\u202e``.
+    """Return ``text`` on one line, with characters that are unsafe in a terminal as escapes: ``\x1b``, ``\u202e``.
 
     :param text: from a device, a file, a file's name or a command line.
-    :param keep: characters that stay as they are; ``"\\n"`` for a text of several lines.
+    :param keep: characters that stay as they are; ``"\n"`` for a text of several lines.
     """
     if text.isprintable():
         return text
@@ -22,7 +22,7 @@ def visible(text: str, keep: str = "") -> str:
 
 
 def visible_json(text: str) -> str:
-    """JSON whose unsafe characters are escapes of JSON, which a reader of JSON gives back as they were.
+    """Escape unsafe characters of JSON by JSON's own escapes, which a reader restores.
 
     :param text: JSON on one line. Unsafe characters can stand only within its strings.
     """

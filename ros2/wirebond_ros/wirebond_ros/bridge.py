@@ -123,8 +123,8 @@ def _bridge(node: Any) -> Iterator[Failure]:
 
 
 def _kept_stop(link: wirebond.Link, node: str) -> StopFile | None:
-    """For the bridge that `respawn` starts. Where a server owns the port, it keeps the stop; a virtual robot ends with
-    its program."""
+    """Return the stop file for the bridge that `respawn` starts. If a server owns the port, it keeps the stop; a
+    virtual robot ends with its program."""
     if link.port.startswith(("wirebond://", "sim:")):
         return None
     return stop_file_of(f"ros2{node}", link.port)

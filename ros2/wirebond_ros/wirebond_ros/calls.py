@@ -37,7 +37,7 @@ class CallLoop:
         self._pool = ThreadPoolExecutor(_AT_ONCE, "ROS 2 answers")
 
     def add(self, service: Any) -> None:
-        """Before ``start``."""
+        """Add a call, before ``start``."""
         self._services.append(service)
 
     def start(self) -> None:
@@ -46,7 +46,7 @@ class CallLoop:
             self._thread.start()
 
     def close(self) -> None:
-        """No answer begins after this."""
+        """Close: no answer begins after this."""
         self._closed.set()
         if self._thread.is_alive() and threading.current_thread() is not self._thread:
             self._thread.join(5.0)

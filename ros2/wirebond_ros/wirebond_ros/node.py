@@ -227,7 +227,8 @@ class RclpyNode:
         return tell
 
     def _set(self, parameters: list[Any]) -> Any:
-        """rclpy asks before it sets them, all or none: so a value that is refused leaves the others as they were."""
+        """Set parameters. rclpy asks before it sets them, all or none: so a refused value leaves the others
+        unchanged."""
         result = SetParametersResult()
         result.successful = True
         own = [p for p in parameters if p.name in self._parameters and p.name != getattr(self._updating, "name", "")]

@@ -17,4 +17,4 @@ class NotSpun(CallbackGroup):
         return False
 
     def ending_execution(self, entity: Any) -> None:
-        """Nothing to give back."""
+        """Do nothing: there is nothing to give back."""

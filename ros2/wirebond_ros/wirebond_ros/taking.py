@@ -62,11 +62,11 @@ class TakeLoop:
         self._thread = failure.thread("ROS 2 topics", self._run)
 
     def add(self, taken: Taken) -> None:
-        """Before ``start``."""
+        """Add a subscription, before ``start``."""
         self._taken.append(taken)
 
     def add_events(self, entity: Any) -> None:
-        """Those of a publisher or a subscription. Before ``start``."""
+        """Add the events of a publisher or a subscription, before ``start``."""
         self._events += entity.event_handlers
 
     def drop_waiting(self) -> None:
@@ -82,7 +82,7 @@ class TakeLoop:
             self._thread.start()
 
     def close(self) -> None:
-        """Nothing is called after this."""
+        """Close: nothing is called after this."""
         self._closed.set()
         if self._thread.is_alive() and threading.current_thread() is not self._thread:
             self._thread.join(5.0)
@@ -108,7 +108,7 @@ class TakeLoop:
                 self._wait(_WAKE_NS if now >= busy_until else 0)
 
     def _wait(self, timeout_ns: int) -> None:
-        """Until a message comes, or something happens to a publisher or a subscription, which is told."""
+        """Wait until a message comes, or an event of a publisher or a subscription, which is reported."""
         with ExitStack() as used:
             for each in (self._context.handle, *(taken.subscription.handle for taken in self._taken), *self._events):
                 used.enter_context(each)

@@ -31,7 +31,7 @@ class Pool:
 
 
 def pool(codec: Codec, sender: End, seed: int, frames_a_message: int = 256) -> Pool | None:
-    """Frames with random values, the same for the same seed; None if this end sends nothing."""
+    """Make frames with random values, the same for the same seed; None if this end sends nothing."""
     generator = random.Random(seed)  # noqa: S311  (to measure, not to keep secrets)
     frames = tuple(
         _frame(codec, message, sender, generator)

@@ -35,7 +35,7 @@ class _Seen:
     units: Mapping[str, str] = field(default_factory=dict)
 
     def rate(self, now: float) -> float:
-        """Messages a second over the window: intervals between the messages in it."""
+        """Return the messages per second over the window, from the intervals between them."""
         while self.times and now - self.times[0] > _WINDOW:
             self.times.popleft()
         if len(self.times) < 2:
@@ -68,7 +68,7 @@ class Dashboard:
                 self._lines.append(Text.assemble(f"{message.t:.3f} ", log_text(line)))
 
     def render(self, note: str = "", wrong: Sequence[Diagnosis] = ()) -> RenderableType:
-        """``wrong``: what the bytes of the line speak for now."""
+        """Draw the dashboard. ``wrong``: the present diagnosis of the line."""
         now = time.monotonic()
         stats = self._link.stats
         parts: list[RenderableType] = [self._messages(now), self._statistics(now, stats)]
@@ -101,7 +101,7 @@ class Dashboard:
         return {} if described is None else units_of(described.fields)
 
     def _title_of(self, message: Message) -> str:
-        """Its name; where frames say who sent them, of each sender a row of its own."""
+        """Return the title of a row: the message's name, with its sender if frames have one."""
         peer = message.header.get(self._peer) if self._peer else None
         return message.name if peer is None else f"{message.name} [{self._peer} {peer}]"
 

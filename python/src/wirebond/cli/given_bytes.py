@@ -63,8 +63,8 @@ def _of_file(path: Path, sender: str | None) -> bytes:
 
 
 def _stdin() -> bytes:
-    """Raw bytes. Text of nothing but hex digits, as another program prints them, is taken for those bytes, and a
-    sentence says so: the sender may as well have sent the digits."""
+    """Read raw bytes from stdin. Text of hex digits only, as another program prints them, is taken for those bytes, and
+    a sentence says so: the sender may as well have sent the digits."""
     data = bytearray()
     try:
         while len(data) < MOST_BYTES and (chunk := os.read(sys.stdin.fileno(), MOST_BYTES)):

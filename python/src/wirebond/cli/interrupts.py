@@ -9,17 +9,18 @@ EXIT_INTERRUPTED = 130
 
 
 def end_at_once() -> None:
-    """For the start: an exception in the middle of an import would end as a traceback, or be swallowed there."""
+    """End at once on Ctrl-C, during the start: an exception in the middle of an import would end as a traceback, or be
+    swallowed there."""
     _handle(lambda *_: os._exit(EXIT_INTERRUPTED))
 
 
 def raise_from_here() -> None:
-    """For the work: KeyboardInterrupt, so that what is open is closed and an account given."""
+    """Raise KeyboardInterrupt on Ctrl-C, during the work: open ports are closed and an account is given."""
     _handle(signal.default_int_handler)
 
 
 def ignore() -> None:
-    """For the end: everything is done, and Python takes a moment to leave."""
+    """Ignore Ctrl-C at the end: everything is done, and Python takes a moment to exit."""
     _handle(signal.SIG_IGN)
 
 

@@ -133,7 +133,7 @@ _USAGE_ERROR = cast(type[Exception], typer.BadParameter.__bases__[0])
 
 
 def _wrong_usage(error: BaseException) -> int:
-    """Typer's sentence, with how the command is written. Where no argument was given, help is shown instead."""
+    """Print Typer's sentence, with the command's usage. If no argument was given, help is shown instead."""
     context = getattr(error, "ctx", None)
     if type(error).__name__ == "NoArgsIsHelpError":
         return EXIT_USAGE  # it has printed the help

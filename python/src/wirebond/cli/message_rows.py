@@ -111,8 +111,8 @@ def _unit(path: str, row: Row) -> str:
 
 
 def _flow(label: str, cells: Iterable[Text], between: str, width: int) -> Iterator[Text]:
-    """Behind the label as many as have room, and so on in further lines below the first. What is wider than a line is
-    broken."""
+    """Arrange as many as fit after the label, and the rest in further lines below the first. Parts wider than a line
+    are broken."""
     line, is_empty = Text(label), True
     for cell in cells:
         if not is_empty and cell_len(line.plain) + len(between) + cell_len(cell.plain) > width:

@@ -11,7 +11,7 @@ _DECIMAL = re.compile(r"([0-9]{1,300}\.?[0-9]{0,300}|\.[0-9]{1,300})([eE][+-]?[0
 
 
 def whole(text: str) -> int:
-    """0, 1, 2, …
+    """Read a whole number: 0, 1, 2, …
 
     :raises typer.BadParameter: it is something else.
     """

@@ -52,12 +52,12 @@ def reader_gone() -> NoReturn:
 
 
 def plain(text: str) -> str:
-    """Text of others as rich's markup for itself, on one line."""
+    """Escape a text of others for rich's markup, on one line."""
     return escape(visible(text))
 
 
 def write(text: str) -> None:
-    """Text of any number of lines to stdout, at once: a reader may wait for it.
+    """Write a text of any number of lines to stdout at once: a reader may wait for it.
 
     :raises ReaderGone: its reader has gone.
     """
@@ -69,11 +69,11 @@ def write(text: str) -> None:
 
 
 def fail(text: str) -> None:
-    """One error, in sentences, on stderr."""
+    """Print one error, in sentences, on stderr."""
     shown = escape(visible(text, keep="\n"))
     errors.print(f"[bold red]wirebond:[/] {shown}")
 
 
 def warn(text: str) -> None:
-    """Something that the command goes on in spite of, on stderr."""
+    """Print a warning on stderr: the command continues."""
     errors.print(f"[bold yellow]warning:[/] {plain(text)}")

@@ -35,7 +35,8 @@ def picture(console: Console, first: RenderableType | None = None) -> Iterator[C
 
 @contextmanager
 def _whole() -> Iterator[None]:
-    """Within this, the first Ctrl-C waits until the end. A second one does not: the terminal may take nothing more."""
+    """Delay the first Ctrl-C until the end of this block. A second one acts at once: the terminal may accept no more
+    bytes."""
     asked = False
 
     def wait(_number: int, _frame: FrameType | None) -> None:

@@ -72,7 +72,7 @@ def peer_dict(message: Message, codec: Codec) -> dict[str, str] | None:
 
 
 def print_message(message: Message, codec: Codec) -> None:
-    """One JSON line."""
+    """Print one JSON line."""
     write(to_json(message_dict(message, codec)) + "\n")
 
 
@@ -118,7 +118,7 @@ def _rate_text(name: str, rate: MessageRate) -> str:
 
 
 def behind_schedule(rates: Rates) -> list[str]:
-    """Messages of which more than a tenth did not come."""
+    """List the messages of which more than a tenth did not come."""
     return [
         f"{name} {rate.per_second:.1f}/s of {rate.due:.4g}/s"
         for name, rate in rates.messages.items()
@@ -145,24 +145,25 @@ def title_of(message: Message) -> str:
 
 
 def unlisted_text(stats: Stats) -> str:
-    """``id 30, 28 bytes: 7``, the commonest first."""
+    """List unlisted ids, the most frequent first: ``id 30, 28 bytes: 7``."""
     kinds = sorted(stats.unlisted.items(), key=lambda kind: -kind[1])
     shown = [f"id {id}, {size} bytes: {count}" for (id, size), count in kinds[:_MOST_KINDS]]
     return "; ".join(shown) + ("; ..." if len(kinds) > _MOST_KINDS else "")
 
 
 def values_text(fields: Mapping[str, Any], between: str = "  ") -> str:
-    """Field values for a person: short numbers, without units."""
+    """Write field values for a person: short numbers, without units."""
     return between.join(f"{path} {text_of(value)}" for path, value in flat_values(fields))
 
 
 def text_of(value: str | list[str]) -> str:
-    """One value of `flat_values`."""
+    """Write one value of `flat_values`."""
     return value if isinstance(value, str) else f"[{' '.join(value)}]"
 
 
 def flat_values(fields: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, str | list[str]]]:
-    """Each value with its path, as text. An array is a list of texts, and so is each field of a group's elements."""
+    """Yield each value with its path, as text. An array is a list of texts, and so is each field of a group's
+    elements."""
     for name, value in fields.items():
         path = f"{above}{name}"
         if isinstance(value, dict):

@@ -18,13 +18,13 @@ _OF_PORTS = _Shows(logging.WARNING)
 
 
 def show_port_log() -> None:
-    """From here on, what is to be said about a port that is opened is printed."""
+    """Print the log of ports that are opened from now on."""
     logging.getLogger("wirebond.port").addHandler(_OF_PORTS)
 
 
 @contextmanager
 def shown_server_log() -> Iterator[None]:
-    """Within this, warnings of servers are printed."""
+    """Print warnings of servers within this block."""
     logger, handler = logging.getLogger("wirebond.server"), _Shows(logging.WARNING)
     logger.addHandler(handler)
     try:

@@ -13,8 +13,8 @@ _ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP", "SIGBREAK") i
 
 @contextmanager
 def ended_by_signals() -> Iterator[None]:
-    """Within this, SIGTERM and the closing of the terminal raise KeyboardInterrupt as Ctrl-C does: once; later ones are
-    ignored until what must be sent has left. Main thread only."""
+    """Raise KeyboardInterrupt on SIGTERM and when the terminal closes, as on Ctrl-C: once. Later signals are ignored
+    until the safe values have left. Main thread only."""
 
     def end(_number: int, _frame: FrameType | None) -> None:
         for ending in _ENDING:

@@ -14,7 +14,7 @@ end_at_once()  # here, and not in main: only the command imports this module, an
 
 
 def main() -> None:
-    """Entry point of the installed command."""
+    """Run the installed command."""
     _open_standard_streams()
     _start_nothing_unused()
     gc.disable()  # imported modules stay, and searching them for garbage is a tenth of the start
@@ -28,8 +28,9 @@ def main() -> None:
 
 
 def _start_nothing_unused() -> None:
-    """numpy starts a thread of linear algebra for each core, and pydantic looks for plugins in all installed packages.
-    Nothing here uses either, and together they take a fifth of the processor time of a short command.
+    """Keep numpy and pydantic from starting work that no command uses: numpy starts a thread of linear algebra for each
+    core, and pydantic searches all installed packages for plugins. Together they take a fifth of the processor time of
+    a short command.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")
@@ -51,8 +52,8 @@ def _open_standard_streams() -> None:
 
 
 def _whole(stream: TextIO) -> TextIO:
-    """With PYTHONUNBUFFERED, as in many containers, Python's own stream drops the rest of a write that a signal cut
-    short. What must be seen at once is flushed anyway.
+    """Return a stream that writes whole. With PYTHONUNBUFFERED, as in many containers, Python's own stream drops the
+    rest of a write that a signal interrupted. Urgent output is flushed anyway.
     """
     if not isinstance(getattr(stream, "buffer", None), io.RawIOBase):
         return stream

@@ -23,7 +23,7 @@ _DECIMAL = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(
 
 
 def parse_assignments(message: Message, words: list[str]) -> dict[str, Any]:
-    """``["linear=0.5", "angular=0"]`` to values that ``encode`` takes.
+    """Read ``["linear=0.5", "angular=0"]`` as values for ``encode``.
 
     A field within a struct is given as ``position.x=1``, or the whole struct as JSON: ``position={"x": 1}``.
     """
@@ -49,7 +49,7 @@ def parse_assignments(message: Message, words: list[str]) -> dict[str, Any]:
 
 
 def parse_header(protocol: Protocol, words: list[str]) -> dict[str, Any]:
-    """``["servo=3", "kind=ping"]`` to header values that ``encode`` takes."""
+    """Read ``["servo=3", "kind=ping"]`` as header values for ``encode``."""
     fields = tuple(field.value for field in header_fields(protocol.format.parts))
     if words and not fields:
         raise UsageError(f"frames of {protocol.name} have no header fields; remove --header")
@@ -57,7 +57,7 @@ def parse_header(protocol: Protocol, words: list[str]) -> dict[str, Any]:
 
 
 def parse_addresses(protocol: Protocol, words: list[str]) -> tuple[int | str, ...]:
-    """Addresses that a virtual MCU plays, as the file's `address` field takes them."""
+    """Read the addresses of a virtual MCU, as the file's `address` field takes them."""
     plan = plan_for(protocol, End.HOST)
     place = plan.address
     if not words:
@@ -136,7 +136,7 @@ def _unique(described: Field, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _with_bytes(described: Field, value: Any) -> Any:
-    """JSON has no bytes: texts of hex digits stand for them."""
+    """Convert texts of hex digits to bytes, which JSON does not have."""
     if isinstance(value, list):
         return [_with_bytes(described, item) for item in value]
     if isinstance(value, dict):
@@ -146,7 +146,7 @@ def _with_bytes(described: Field, value: Any) -> Any:
 
 
 def _items(described: Field, text: str) -> list[str]:
-    """``1,2`` and ``[1, 2]``; nothing at all is an empty list."""
+    """Split ``1,2`` and ``[1, 2]``; an empty text is an empty list."""
     listed = text.strip()
     if listed.startswith("[") != listed.endswith("]"):
         raise UsageError(f"{described.name} is '{text[:60]}'; write '{described.name}=[1, 2]', or without brackets")
@@ -179,13 +179,13 @@ def _number_or_name(text: str) -> int | float | str:
 
 
 def hex_of(data: bytes) -> str:
-    """As specifications write frames: ``AA 55 01``."""
+    """Write bytes as specifications do: ``AA 55 01``."""
     return data.hex(" ").upper()
 
 
 def to_json(value: Any) -> str:
-    """Compact JSON. Bytes become hex; numbers that JSON has not (NaN, infinities) become null. What could command a
-    terminal is escaped."""
+    """Write compact JSON. Bytes become hex; numbers that JSON lacks (NaN, infinities) become null. Characters that
+    could command a terminal are escaped."""
     return visible_json(json.dumps(_plain(value), ensure_ascii=False, separators=(", ", ": ")))
 
 

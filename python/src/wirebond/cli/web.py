@@ -20,7 +20,7 @@ DEFAULT = "127.0.0.1:8765"
 
 
 def web_address(text: str) -> tuple[str, int]:
-    """Host and port of ``--web``.
+    """Read host and port of ``--web``.
 
     :raises UsageError: it is neither a port nor HOST:PORT.
     """
@@ -32,7 +32,7 @@ def web_address(text: str) -> tuple[str, int]:
 
 
 def with_web_address(arguments: list[str]) -> list[str]:
-    """``--web`` with its default where no address follows it."""
+    """Insert the default of ``--web`` if no address follows it."""
     out = []
     for number, argument in enumerate(arguments):
         out.append(argument)
@@ -52,7 +52,7 @@ def show(console: Console, open_browser: bool) -> None:
 
 
 def has_display(environment: Mapping[str, str]) -> bool:
-    """Can a browser show something on this computer?"""
+    """Check whether a browser can be shown on this computer."""
     if sys.platform != "linux":
         return True
     return bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))

@@ -45,7 +45,7 @@ class ByteRequests:
         self._worker = worker
 
     def routes(self) -> list[BaseRoute]:
-        """All of them."""
+        """Return the routes about bytes."""
         return [
             Route("/api/explain", guarded(self._explain), methods=["POST"]),
             Route("/api/decode", guarded(self._decode), methods=["POST"]),
@@ -80,7 +80,7 @@ class ByteRequests:
 
 
 def bytes_of(text: str) -> bytes:
-    """Hexadecimal digits, as people write them.
+    """Read hexadecimal digits, as people write them.
 
     :raises RefusedError: they are none.
     """

@@ -23,7 +23,7 @@ class CommandRequests:
         self._station = station
 
     def routes(self) -> list[BaseRoute]:
-        """All of them."""
+        """Return the routes about commands."""
         return [Route("/api/log", guarded(self._log))]
 
     async def _log(self, request: Request) -> Response:

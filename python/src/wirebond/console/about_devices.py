@@ -55,7 +55,7 @@ class DeviceRequests:
         self._worker = worker
 
     def routes(self) -> list[BaseRoute]:
-        """All of them."""
+        """Return the routes about devices."""
         return [
             Route("/api/identify", guarded(self._identify), methods=["POST"]),
             Route("/api/templates", guarded(self._templates)),
@@ -81,7 +81,7 @@ class DeviceRequests:
         return await worked_by(self._worker, identified, data[-_MOST_BYTES:])
 
     def _searched(self, port: str, seconds: float) -> dict[str, Any]:
-        """One setting of the line after the other, until one leaves no doubt."""
+        """Try one setting of the line after the other, until one leaves no doubt."""
         known = known_formats()
         lines = lines_for(known.formats)
         heard: list[Heard] = []

@@ -35,7 +35,7 @@ class PortRequests:
         self._connector = connector
 
     def routes(self) -> list[BaseRoute]:
-        """All of them."""
+        """Return the routes about ports."""
         return [
             Route("/api/ports", guarded(self._ports)),
             Route("/api/connect", guarded(self._connect), methods=["POST"]),

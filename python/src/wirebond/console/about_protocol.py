@@ -50,7 +50,7 @@ class ProtocolRequests:
         self._first: set[Path] = set()  # files that the page made
 
     def routes(self) -> list[BaseRoute]:
-        """All of them."""
+        """Return the routes about the protocol."""
         return [
             Route("/api/protocol", guarded(self._protocol)),
             Route("/api/document", guarded(self._document)),
@@ -122,7 +122,8 @@ class ProtocolRequests:
         return self._options.may_save
 
     def _new_file(self, name: str) -> Path:
-        """In the folder of the server, where `/api/ports` finds it. One that the page did not make is not replaced."""
+        """Choose a new file in the folder of the server, where `/api/ports` finds it. A file that the page did not make
+        is not replaced."""
         if not self._options.may_connect:
             raise RefusedError(422, "no_file", "this console shows the link of one program; download the text instead")
         return (Path.cwd() / f"{protocol_name(Path(name))}.yaml").resolve()

@@ -24,7 +24,7 @@ class RecordingRequests:
         self._library = library
 
     def routes(self) -> list[BaseRoute]:
-        """All of them."""
+        """Return the routes about recordings."""
         return [
             Route("/api/recordings", guarded(self._list)),
             Route("/api/recordings/{name:str}", guarded(self._file)),

@@ -29,7 +29,7 @@ class SampleRequests:
         self._library = library
 
     def routes(self) -> list[BaseRoute]:
-        """All of them."""
+        """Return the routes about samples."""
         return [Route("/api/samples.csv", guarded(self._samples))]
 
     async def _samples(self, request: Request) -> Response:

@@ -36,12 +36,12 @@ class RefusedError(Exception):
 
 
 def answer(value: object, status: int = 200) -> Response:
-    """JSON."""
+    """Answer with JSON."""
     return Response(encode(plain(value)), status, media_type="application/json")
 
 
 def refusal(error: str, text: str, status: int, **more: object) -> Response:
-    """Why not, as a word and a sentence."""
+    """Answer with a refusal: a word and a sentence."""
     return answer(with_chinese({"error": error, "text": text, **more}, "text"), status)
 
 

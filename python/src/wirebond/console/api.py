@@ -18,7 +18,7 @@ from wirebond.console.station import Station
 
 
 def routes(station: Station, library: Library, connector: Connector, worker: Worker) -> list[BaseRoute]:
-    """By what they are about."""
+    """Return the routes of all subjects."""
     return [
         *ProtocolRequests(station, library, connector.options, worker).routes(),
         *ByteRequests(station, library, worker).routes(),

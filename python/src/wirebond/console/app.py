@@ -110,7 +110,7 @@ def _with_headers(send: Send) -> Send:
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send, status: int, error: str, text: str) -> None:
-    """Before a WebSocket is accepted, its refusal is an HTTP answer, too."""
+    """Refuse. Before a WebSocket is accepted, its refusal is an HTTP answer, too."""
     response: Callable[[Scope, Receive, Send], Awaitable[None]]
     told = with_chinese({"error": error, "text": text}, "text")
     response = Response(encode(told), status, media_type="application/json")

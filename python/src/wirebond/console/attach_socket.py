@@ -21,7 +21,7 @@ REFUSED, RESTARTED = 1008, 1012  # close codes of RFC 6455: policy; the link was
 
 
 async def attach(socket: WebSocket, visitors: Visitors, station: Station) -> None:
-    """One program, from its first message to its end."""
+    """Serve one program, from its first message to its end."""
     await socket.accept()
     first = await first_message(socket)
     if first is None:

@@ -162,7 +162,7 @@ class Console:
 
 @contextlib.contextmanager
 def _few_records() -> Iterator[None]:
-    """Any client can make the web server write to its log, as by bytes that are no HTTP."""
+    """Limit the web server's log: any client can make it write, for example with bytes that are not HTTP."""
     logger, limit = logging.getLogger("uvicorn.error"), SeldomFilter(threading.current_thread(), _NO_NEWS)
     logger.addFilter(limit)
     try:

@@ -27,7 +27,7 @@ class Guard:
         return hmac.compare_digest(given.encode(), self.token.encode())
 
     def refuses(self, host: str, origin: str | None) -> str | None:
-        """Why a request with these headers is refused; None: it is not.
+        """Return why a request with these headers is refused; None if it is not.
 
         A page of another place may reach this port by a name of its own (DNS rebinding), or by a script. The first has
         a Host that is no address of this computer, the second an Origin that is not Host.

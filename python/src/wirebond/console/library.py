@@ -62,7 +62,7 @@ class Library:
         return self._recordings().path(name)
 
     def codec_for(self, path: Path) -> Codec | None:
-        """With what a file is decoded: None is the recording's own. A raw capture has none: it is the link's.
+        """Return the codec for a file; None is the recording's own. A raw capture has none: the link's is used.
 
         :raises NoPortError: it is a raw capture, and there is no link.
         :raises OSError: it cannot be read.

@@ -24,7 +24,7 @@ from wirebond.recording.history.history import History
 
 
 def protocol_form(codec: Codec, history: History, path: str, port: str, baud: int) -> dict[str, Any]:
-    """All of it, for JSON. ``history`` tells the names for plots."""
+    """Return the protocol for JSON. ``history`` gives the names for plots."""
     model = codec.model
     line = model.link
     form: dict[str, Any] = plain(
@@ -81,8 +81,8 @@ def _message(model: Protocol, history: History, message: Message) -> dict[str, A
 
 
 def _fields(fields: tuple[Field, ...], columns: set[str], prefix: str, within: tuple[str, ...]) -> list[dict[str, Any]]:
-    """``within``: the names of the structs around them, of a group one for each element: ``("joints[0].", …)``. A
-    number whose bits are shared is a struct, too."""
+    """Describe the fields. ``within``: the names of the structs around them, of a group one for each element:
+    ``("joints[0].", …)``. A number whose bits are shared is a struct, too."""
     out = []
     for field in fields:
         if not field.has_value:
@@ -101,7 +101,7 @@ def _fields(fields: tuple[Field, ...], columns: set[str], prefix: str, within: t
 
 
 def field_form(field: Field) -> dict[str, Any]:
-    """One field, without its columns."""
+    """Describe one field, without its columns."""
     values = field.enum or field.flags
     scale = abs(float(field.scale))
     return {

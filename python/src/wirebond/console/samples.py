@@ -33,7 +33,7 @@ class _Part:
 def csv_of_samples(
     source: Source, fields: Sequence[str], begin: float, end: float, zero: float, *, counts_from_start: bool
 ) -> Iterator[bytes]:
-    """Piece by piece: a row for each message that came from ``begin`` to ``end``, both included.
+    """Yield the CSV piece by piece: a row for each message that came from ``begin`` to ``end``, both included.
 
     :param zero: seconds since 1970 at the time 0 of the source.
     :param counts_from_start: the column ``t`` has the times of the source, else seconds since 1970.

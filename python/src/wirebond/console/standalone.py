@@ -113,7 +113,7 @@ def _in_one(index: str, files: dict[str, bytes], engine: bytes, tables: bytes) -
 
 
 def facts(codec: Codec) -> dict[str, Any]:
-    """All of it, for JSON.
+    """Return all facts for JSON.
 
     :param codec: of the protocol.
     """

@@ -34,7 +34,7 @@ class Viewer:
         self._out: list[str | bytes] = []
 
     def want(self, views: Views) -> None:
-        """From now on the client wants this."""
+        """Set the client's wish."""
         before, self._wants = self._wants, views
         if views.source != before.source:
             self._choose(views)
@@ -117,7 +117,7 @@ class Viewer:
         self._tell(with_chinese(told, "problems"))
 
     def _forget(self) -> None:
-        """Another source: all is new."""
+        """Forget the sent state: another source is entirely new."""
         self._plots = {plot.id: self._feed(plot) for plot in self._wants.plots}
         self._views = {name: VIEWS[name](view.wanted) for name, view in self._views.items()}
 

@@ -24,7 +24,7 @@ _MOST_UNSEEN = 2  # rounds in flight to a client that acknowledges the rounds it
 
 
 async def views(socket: WebSocket, visitors: Visitors, station: Station, library: Library) -> None:
-    """One client, from its first message to its end."""
+    """Serve one client, from its first message to its end."""
     await socket.accept()
     first = await first_message(socket)
     if first is None:
@@ -67,7 +67,7 @@ class _Views:
         self._wants_else = asyncio.Event()
 
     async def run(self, first: Said) -> None:
-        """Until the client goes."""
+        """Run until the client leaves."""
         self._hear(first)
         tasks = [asyncio.create_task(each) for each in (self._listen(), self._show(), self._beat())]
         try:

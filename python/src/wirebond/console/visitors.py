@@ -74,7 +74,7 @@ class Visitors:
 
     @contextmanager
     def serving(self, scope: Scope) -> Iterator[None]:
-        """While a request is answered."""
+        """Count a request while it is answered."""
         visitor = self._of(scope)
         if visitor is None:
             yield
@@ -90,7 +90,7 @@ class Visitors:
             visitor.looks = 0
 
     async def shows_token(self, scope: Scope, given: str) -> bool:
-        """Is it the token? After wrong ones the answer comes later, and only where the client still waits."""
+        """Check the token. After wrong ones the answer comes later, and only if the client still waits."""
         visitor = self._of(scope)
         if visitor is None:
             return False

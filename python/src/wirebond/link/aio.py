@@ -83,7 +83,7 @@ class Aio:
             raise
 
     def __aiter__(self) -> Self:
-        """Messages as they come, until the link is closed, or until a replay has ended."""
+        """Yield messages as they come, until the link is closed, or until a replay has ended."""
         return self
 
     async def __anext__(self) -> Message:
@@ -112,7 +112,7 @@ class Aio:
         self._link._inbox.listen(messages_wait)
 
     def _messages_wait(self) -> None:
-        """In the link's thread."""
+        """Wake the waiting task. In the link's thread."""
         if self._waiters:
             self._soon(self._wake)
 
@@ -161,8 +161,8 @@ class Aio:
         header: Mapping[str, Any] | None = None,
         **fields: Any,
     ) -> Any:
-        """As ``Link.request``; other tasks run meanwhile. When the task is cancelled, a reply that still comes goes
-        where other messages go.
+        """Send a request and await its reply, as ``Link.request``; other tasks run in that time. If the task is
+        cancelled, a late reply goes where other messages go.
 
         :param message: a message of the host that has a ``reply``, by its name or as an object of a generated module.
         :param values: its fields by name, in SI units.
@@ -191,7 +191,7 @@ class Aio:
         return asked.result(outcome)
 
     def _answered(self, answer: asyncio.Future[Outcome], outcome: Outcome) -> None:
-        """In the link's thread."""
+        """Pass the answer to the task. In the link's thread."""
         if not self._soon(self._settle, answer, outcome):
             self._nobody_waits_for(outcome)
 
@@ -214,8 +214,8 @@ class Aio:
     @overload
     def on(self, message: str | None = None, /) -> Callable[[_MessageHandler], _MessageHandler]: ...
     def on(self, message: str | type[TypedMessage] | None = None, /) -> Callable[[Any], Any]:
-        """As ``Link.on``, for a coroutine function: ``@link.aio.on("status")``. One task of this loop awaits all of
-        them, one after the other, in the order in which the messages came.
+        """Call a coroutine function for messages, as ``Link.on``: ``@link.aio.on("status")``. One task of this loop
+        awaits the calls one after the other, in the order in which the messages came.
 
         :param message: a message's name or its class; none: every message.
         :returns: the decorator; it gives the function back.
@@ -231,7 +231,7 @@ class Aio:
         return add
 
     def on_log(self, level: str = "debug", /) -> Callable[[_LogHandler], _LogHandler]:
-        """As ``Link.on_log``, for a coroutine function.
+        """Call a coroutine function for log lines, as ``Link.on_log``.
 
         :param level: the least one.
         :returns: the decorator; it gives the function back.
@@ -247,7 +247,7 @@ class Aio:
         return add
 
     def on_deadline(self, action: str | None = None, /) -> Callable[[_DeadlineHandler], _DeadlineHandler]:
-        """As ``Link.on_deadline``, for a coroutine function.
+        """Call a coroutine function for deadlines, as ``Link.on_deadline``.
 
         :param action: the deadline's ``then``; none: every deadline of the host.
         :returns: the decorator; it gives the function back.
@@ -269,7 +269,7 @@ class Aio:
             self._task = self._loop.create_task(self._await_calls())
 
     def _call(self, function: Callable[[Any], Awaitable[object]], value: object) -> None:
-        """In the handlers' thread."""
+        """Pass a message to the loop. In the handlers' thread."""
         handlers = self._link._inbox.handlers
         with self._lock:
             if len(self._calls) >= MAX_WAITING:
@@ -296,7 +296,8 @@ class Aio:
     # ---- the end
 
     async def close(self) -> None:
-        """As ``Link.close``; other tasks run meanwhile. Coroutine handlers get what had come, within a second."""
+        """Close the link, as ``Link.close``; other tasks run in that time. Coroutine handlers get earlier messages, for
+        a second at most."""
         self._link._begin_close()  # leases end now, also when this task is cancelled
         await asyncio.to_thread(self._link.close)
         task, self._task = self._task, None

@@ -23,7 +23,7 @@ class Attention:
         self._is_recalled = False
 
     def wait(self, timeout: float) -> None:
-        """For something to be taken."""
+        """Wait until there is something to take."""
         self._wait_for(self._has_news, timeout)
 
     def attend(self, timeout: float) -> None:
@@ -42,7 +42,7 @@ class Attention:
             self._arrived.notify_all()
 
     def wait_unattended(self, timeout: float) -> None:
-        """For something to be taken while nobody is in ``attend``."""
+        """Wait until there is something to take while no thread is in ``attend``."""
         self._wait_for(lambda: self._has_news() and not self._is_attended, timeout)
 
     def _wait_for(self, is_ready: Callable[[], bool], timeout: float) -> None:

@@ -85,6 +85,6 @@ class ClockLine:
         return HostTime(t, self.error(mcu) + abs(t - self.segments[-1].line(mcu)))
 
     def error(self, mcu: float) -> float:
-        """By how much the newest line is wrong at most, at this time of the MCU."""
+        """Return the maximum error of the newest line at this time of the MCU."""
         line = self.segments[-1]
         return min(abs(s.host - line.line(s.mcu)) + s.half + self.drift_error * abs(mcu - s.mcu) for s in self.best)

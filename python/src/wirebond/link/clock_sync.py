@@ -108,7 +108,7 @@ class ClockSync:
     def feed(
         self, sent: float, received_us: int, sent_us: int, back: float, to_mcu: float = 0.0, to_host: float = 0.0
     ) -> Verdict:
-        """One exchange.
+        """Judge one exchange.
 
         :param sent: when the host sent the request, in seconds.
         :param received_us: the MCU's clock when it had the request, as it stands in the reply.
@@ -181,12 +181,12 @@ class ClockSync:
 
     @staticmethod
     def _contradicts(sample: Sample, line: ClockLine) -> bool:
-        """Can this exchange not be true, if the line is?"""
+        """Check whether this exchange cannot be true if the line is."""
         apart = abs(sample.host - line.segments[-1].line(sample.mcu))
         return apart > sample.half + line.error(sample.mcu)
 
     def _settle_suspect(self, sample: Sample) -> Verdict:
-        """One that contradicts is wrong; two that agree are right, and the clock began again."""
+        """Decide on a contradiction: a single one is wrong; two that agree are right, and the clock began again."""
         before, self._suspect = self._suspect, sample
         self.outliers += 1
         if before is None:

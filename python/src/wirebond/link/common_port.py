@@ -89,7 +89,7 @@ class _Line:
         self.codecs: tuple[Codec, ...] = ()
 
     def add(self, codec: Codec, settings: LineSettings) -> None:
-        """One more link."""
+        """Add a link."""
         with self._lock:
             self.baud = self.baud or settings.baud
             if codec.hash not in {known.hash for known in self.codecs}:
@@ -182,7 +182,7 @@ class _Opened:
         self._reader.start()
 
     def branch(self) -> _Branch | None:
-        """One more; None: the port is at its end."""
+        """Add a branch; None: the port is at its end."""
         branch = _Branch(self)  # without the lock: it may collect a link as garbage, whose end waits for others
         with self._changed:
             if self._is_over:
@@ -224,13 +224,13 @@ class _Opened:
             return not self._is_over
 
     def _end(self, failure: OSError | None) -> None:
-        """With the lock."""
+        """End all branches. With the lock."""
         self._is_over = True
         self._failure = self._failure or failure
         self._changed.notify_all()
 
     def _raise_if_over(self) -> None:
-        """With the lock. Each branch has an error of its own, with the cause's number."""
+        """Raise if the port has ended. With the lock. Each branch has an error of its own, with the cause's number."""
         if not self._is_over:
             return
         self._changed.wait_for(lambda: self._is_closed)
@@ -305,7 +305,7 @@ class _Opened:
         self._reader.join()
 
     def _cancel(self) -> None:
-        """Unless the port is closed, or will be at once."""
+        """Cancel a wait, unless the port is closed, or will be at once."""
         with self._changed:
             if self._is_closing:
                 return
@@ -318,7 +318,7 @@ class _Opened:
                 self._changed.notify_all()
 
     def leave_to_parent(self) -> None:
-        """In a forked child, which has neither the threads nor the locks."""
+        """Give everything up in a forked child, which has neither the threads nor the locks."""
         if not self._is_left:
             self._is_left = True
             self._port.leave_to_parent()

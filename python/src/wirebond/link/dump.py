@@ -125,7 +125,8 @@ class Dump:
 
 
 def _read(codec: Codec, pieces: list[Piece], sender: End, asked: Sequence[tuple[float, str]]) -> Iterator[DumpEntry]:
-    """``asked``: what the host sent and when: where only the request tells what a reply is, the last one does."""
+    """Yield entries. ``asked``: the host's requests with their times; if only the request identifies a reply, the last
+    one does."""
     if not pieces:
         return
     ends = list(itertools.accumulate(len(piece.bytes) for piece in pieces))
@@ -209,7 +210,7 @@ def _slice(pieces: list[Piece], ends: list[int], start: int, stop: int) -> list[
 def _run(
     pieces: list[Piece], ends: list[int], start: int, stop: int, causes: Counter[str], kind: str
 ) -> Iterator[DumpEntry]:
-    """Bytes of no frame: an entry for each read that brought some of them."""
+    """Yield bytes of no frame: an entry for each read that brought some of them."""
     for piece in _slice(pieces, ends, start, stop):
         yield DumpEntry(piece.t, piece.kind, kind, piece.bytes, causes=dict(causes))
         causes = Counter()

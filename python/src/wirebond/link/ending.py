@@ -72,7 +72,7 @@ def _close_all() -> None:
 
 
 def _leave_to_the_parent() -> None:
-    """In a forked child: its copies of the ports are given back, and nothing is sent."""
+    """Give the ports' copies back in a forked child, and send nothing."""
     global _open_links_lock  # noqa: PLW0603 a thread that is not here may have held it
     _open_links_lock = threading.RLock()
     _engine.after_fork()

@@ -85,6 +85,6 @@ class EngineSettings:
     recent_bytes: int  # of both directions that are kept for a dump
 
     def table(self) -> bytes:
-        """All but ``send``, by name, in bytes (MessagePack)."""
+        """Return all settings but ``send``, by name, in bytes (MessagePack)."""
         members = (member.name for member in fields(self) if member.name != "send")
         return msgspec.msgpack.encode({name: getattr(self, name) for name in members})

@@ -77,7 +77,7 @@ class FrameMaker:
         raise MessageError(f"{name} is sent by the {other(self._end)}, not by the {self._end}")
 
     def make(self, message: OwnMessage, values: dict[str, Any], header: Mapping[str, Any] | None) -> Frame:
-        """One frame that can leave.
+        """Make one frame that can leave.
 
         :raises MessageError: a value is wrong.
         :raises QueueFullError: see ``address_of``.
@@ -128,7 +128,7 @@ class FrameMaker:
         return self._address_field[1] if self._own_address is None else self._own_address
 
     def set_own_address(self, value: int | str) -> int:
-        """From now on it is this one; its bits on the wire.
+        """Set the own address; return its bits on the wire.
 
         :raises UsageError: frames have none, or its field cannot hold this one, or it is a broadcast.
         """
@@ -148,7 +148,7 @@ class FrameMaker:
         return field.wire_bits(value)
 
     def with_own_address(self, header: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
-        """With the own address, once it was set, where frames name their sender."""
+        """Add the own address, once it was set, if frames name their sender."""
         if self._own_address is None or self._sender is None:
             return header
         return {self._sender: self._own_address, **(header or {})}

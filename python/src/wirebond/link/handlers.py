@@ -122,7 +122,7 @@ class Handlers:
                 self._thread.start()
 
     def want(self, name: str) -> bool:
-        """Is there a handler for messages of this name?"""
+        """Check whether there is a handler for messages of this name."""
         handlers = self._of_messages
         return bool(handlers) and any(h.name is None or h.name == name for h in handlers)
 
@@ -143,12 +143,12 @@ class Handlers:
         self._rouse()
 
     def end(self) -> None:
-        """No message will come any more: the thread ends behind those that wait."""
+        """End the thread after the waiting messages: no more will come."""
         self._has_ended = True
         self._recall()
 
     def is_own_thread(self) -> bool:
-        """Is the caller a handler?"""
+        """Check whether the caller is a handler."""
         return self._thread is threading.current_thread()
 
     def leave(self, patience: float) -> None:
@@ -191,7 +191,7 @@ class Handlers:
                    exc_info=error)  # fmt: skip
 
     def _rouse(self) -> None:
-        """Something waits for the thread."""
+        """Wake the thread."""
         if self._thread is not threading.current_thread():
             self._recall()
 
@@ -226,7 +226,7 @@ class Handlers:
             self._give_back(message)
 
     def _tell_what_has_struck(self, handlers: tuple[_Handler, ...]) -> None:
-        """To handlers that are new."""
+        """Call new handlers with the deadlines that have struck."""
         struck = self._struck()
         for handler in handlers:
             is_new, handler.is_new = handler.is_new, False

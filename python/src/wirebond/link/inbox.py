@@ -145,7 +145,7 @@ class Inbox:
             self._queue.put(None)  # that there will be none is for the next caller
 
     def give_back(self, messages: list[Message]) -> None:
-        """They were taken last, and go nowhere: the next caller takes them."""
+        """Give back messages that were taken last and not used: the next caller takes them."""
         self._given_back.extendleft(reversed(messages))
 
     def _wait(self, timeout: float, taken: list[Message]) -> bool:
@@ -242,7 +242,7 @@ class Inbox:
         return {self._actions[index] for index in self._engine.struck_deadlines()}
 
     def give(self, message: Message) -> None:
-        """To who takes messages."""
+        """Give messages to those who take them."""
         if self._relay is not None:
             return
         with self._lock:
@@ -263,7 +263,7 @@ class Inbox:
             self.give(reply)
 
     def end(self) -> None:
-        """No message will come any more."""
+        """End: no message will come any more."""
         if self.ended.is_set():
             return
         self.ended.set()

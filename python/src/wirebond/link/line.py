@@ -81,7 +81,7 @@ class Line:
         return ", ".join(parts) + ("" if self.latency_timer is None else f"; {self.latency_timer}")
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON.
+        """Return it as a dictionary for JSON.
 
         :returns: the attributes by name.
         """
@@ -101,7 +101,7 @@ def line_from(raw: dict[str, Any]) -> Line:
 
 
 def latency_timer(path: str, before_ms: int, now_ms: int, code: int) -> LatencyTimer:
-    """``path``: of the file; ``code``: the error of writing it, 0 where there was none."""
+    """Describe a latency timer. ``path``: of the file; ``code``: the error of writing it, 0 if there was none."""
     why = ""
     if now_ms > 1:
         reason = os.strerror(code) if code else "the driver keeps its value"

@@ -112,7 +112,7 @@ class Listener:
             self._came.wait(min(left, _WAIT))
 
     def __iter__(self) -> Iterator[Heard]:
-        """Messages of both ends as they come, until ``close``."""
+        """Yield messages of both ends as they come, until ``close``."""
         while True:
             try:
                 yield from self.receive(_WAIT)

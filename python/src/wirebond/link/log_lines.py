@@ -50,7 +50,7 @@ def least_number(level: str) -> int:
 
 
 def number_of(line: LogLine) -> int:
-    """For `logging`; a level that only the MCU knows is info."""
+    """Return the number for `logging`; a level that only the MCU knows is info."""
     return _NUMBERS.get(line.level, logging.INFO)
 
 

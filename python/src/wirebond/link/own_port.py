@@ -81,7 +81,7 @@ class OwnPort:
         self._warn_of_other_users()
 
     def _warn_of_other_users(self) -> None:
-        """Programs that had the tty open before keep it."""
+        """Warn of programs that had the tty open before: they keep it."""
         device = self.device()
         users = other_users(device) if device.startswith("/dev/") else []
         if users:

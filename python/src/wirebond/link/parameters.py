@@ -57,7 +57,7 @@ class Parameters:
         self._names = dict(self._index.enum) or dict(self._reads.enum)
 
     def at(self, header: Mapping[str, Any]) -> Parameters:
-        """Those of another MCU on the line.
+        """Return the parameters of another MCU on the line.
 
         :param header: whom to ask, such as ``{"servo": 3}``.
         :returns: its parameters.
@@ -70,7 +70,7 @@ class Parameters:
         return tuple(self._names)
 
     def list(self, progress: Progress | None = None, *, timeout: float = DEFAULT_TIMEOUT) -> dict[str, float]:
-        """Every parameter that the MCU has, by name or index.
+        """Read every parameter of the MCU, by name or index.
 
         A table without names is read from index 0 on until the MCU says that there is no more, at most 256 of them.
 
@@ -325,7 +325,7 @@ def _kind(path: Path) -> str:
 
 
 def _read_file(path: Path) -> dict[str, Any]:
-    """Names and values.
+    """Read names and values.
 
     :raises ParameterError: the file has something else.
     """

@@ -61,7 +61,7 @@ class PeerBook:
         self._next = t
 
     def is_due(self, t: float) -> bool:
-        """Shall hello be said now?"""
+        """Check whether hello should be sent now."""
         return self.message is not None and t >= self._next
 
     @property
@@ -70,7 +70,7 @@ class PeerBook:
         return self._next if self.message is not None else float("inf")
 
     def asked(self, t: float) -> None:
-        """Hello was said, or could not be said."""
+        """Note that hello was sent, or could not be sent."""
         self._asked.append(t)
         self._next = t + self._wait
         self._wait = min(2 * self._wait, LAST_WAIT)

@@ -385,7 +385,8 @@ class PythonLink:
             self._arrived.notify_all()
 
     def _claim(self, port: PythonPort, now: int) -> bytes:
-        """Bytes for the port. All but the last one count as written: a frame has left when the write has returned."""
+        """Take bytes for the port. All but the last one count as written: a frame has left when the write has
+        returned."""
         with contextlib.suppress(OSError):
             held = port.held()
             if held > 0:
@@ -431,7 +432,7 @@ class PythonLink:
         self._left = None
 
     def _open_again(self) -> None:
-        """In a thread of its own: it may take seconds, and leases end meanwhile."""
+        """Open the port again, in a thread of its own: it may take seconds, and leases end in that time."""
         now = time.monotonic()
         if self._opening is not None or self._is_closing:
             return

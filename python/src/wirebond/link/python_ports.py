@@ -78,7 +78,7 @@ class PythonPort(Protocol):
         ...
 
     def leave_to_parent(self) -> None:
-        """In a forked child: give back its copy of the descriptor, and say nothing to a server."""
+        """Give back the descriptor's copy in a forked child, and send nothing to a server."""
         ...
 
 
@@ -207,7 +207,7 @@ class PythonOpener:
         self.line: dict[str, Any] | None = None  #: of the port that was opened last, for `line_from`; None: it has none
 
     def open(self) -> PythonPort:
-        """May wait for seconds.
+        """Open the port. May wait for seconds.
 
         :raises PortError: that it cannot be opened, and what to do.
         """
@@ -272,7 +272,7 @@ class PythonOpener:
         return made | timer.set()
 
     def why_gone(self, error: OSError | None) -> str:
-        """Why an open port is not there any more."""
+        """Return why an open port is gone."""
         cause = error.__context__ if error is not None and isinstance(error.__context__, OSError) else error
         code = None if cause is None else cause.errno
         if self._name.is_tcp and code is None:

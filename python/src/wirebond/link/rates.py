@@ -88,7 +88,7 @@ class Rates:
     bits_per_byte: float
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON.
+        """Return it as a dictionary for JSON.
 
         :returns: the attributes by name, those of parts as dicts.
         """
@@ -171,7 +171,7 @@ class RateMeter:
         self._looks: deque[tuple[float, LinkStats]] = deque([(t, first)])
 
     def rates(self, stats: LinkStats, t: float, window: float) -> Rates:
-        """Since the newest look that is at least ``window`` seconds back; else since the oldest that is kept.
+        """Return rates since the newest sample that is at least ``window`` seconds old; otherwise since the oldest one.
 
         :param stats: the account at ``t``.
         """

@@ -23,12 +23,12 @@ messages: {heard: {sender: mcu, fields: {what: {type: u8}}}}
 
 
 def raw_codec(settings: LinkSettings) -> Codec:
-    """For a line that is set like this."""
+    """Return a codec for a line with these settings."""
     return Codec(replace(loads(_TEXT), link=settings))
 
 
 def listen_at(port: str, settings: LinkSettings, seconds: float) -> Iterator[bytes]:
-    """All the bytes that came so far, again and again, until the time is over. It sends nothing.
+    """Yield all the bytes so far, again and again, until the time is over. It sends nothing.
 
     :raises PortError: the port cannot be opened.
     """
@@ -41,5 +41,5 @@ def listen_at(port: str, settings: LinkSettings, seconds: float) -> Iterator[byt
 
 
 def is_raw(codec: Codec) -> bool:
-    """Is it one of `raw_codec`?"""
+    """Check whether it is one of `raw_codec`."""
     return codec.name == NAME and codec.model.text == _TEXT

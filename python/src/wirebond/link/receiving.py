@@ -81,7 +81,7 @@ class Receiving:
     # ---- taking messages
 
     def receive(self, timeout: float = 0.0) -> list[Message]:
-        """Messages since the last call, waiting up to ``timeout`` seconds for the first.
+        """Return messages since the last call, waiting up to ``timeout`` seconds for the first.
 
         Signals are heard within a moment: Ctrl-C raises ``KeyboardInterrupt`` here.
 
@@ -104,8 +104,8 @@ class Receiving:
             raise
 
     def __iter__(self) -> Iterator[Message]:
-        """Messages as they come, until ``close``, or until a replay has ended. Those that are left when a loop ends are
-        for the next one."""
+        """Yield messages as they come, until ``close``, or until a replay has ended. Those that are left when a loop
+        ends are for the next one."""
         wait = self._longest_wait or _ITERATION_WAIT
         while True:
             taken: list[Message] = []

@@ -160,7 +160,7 @@ class RequestBook:
             return True
 
     def end(self, error: Callable[[str], Exception]) -> None:
-        """No message will come any more: every request ends with its error.
+        """End every request with its error: no message will come any more.
 
         :param error: makes it, of the message that was sent.
         """
@@ -250,7 +250,7 @@ class RequestBook:
         return self._identifying[question.message]
 
     def _carries(self, message: Message, question: Question, names: list[str]) -> bool:
-        """Has this reply the values of the request in these fields? False where there are none."""
+        """Check whether this reply has the request's values in these fields. False if there are none."""
         if not names:
             return False
         if question.carried is None:  # as they are on the wire

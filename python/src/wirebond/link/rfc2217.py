@@ -30,7 +30,7 @@ class Rfc2217Port(Serial):  # type: ignore[misc]  # pyserial has no types
                 connection.shutdown(socket.SHUT_RDWR)
 
     def leave_to_parent(self) -> None:
-        """In a forked child: close its copy of the socket, without a word to the server."""
+        """Close the socket's copy in a forked child, without a message to the server."""
         with contextlib.suppress(OSError):
             os.close(self._socket.fileno())
 
@@ -48,8 +48,8 @@ class Rfc2217Port(Serial):  # type: ignore[misc]  # pyserial has no types
             return b""
 
     def _telnet_read_loop(self) -> None:
-        """In pyserial's thread, in the place of its own loop: that one takes byte by byte without a bound, dies of a
-        server that breaks the rules, and forgets what came last."""
+        """Read in pyserial's thread, instead of its own loop: that one takes byte by byte without a limit, dies of a
+        server that breaks the rules, and forgets the last bytes."""
         telnet = Telnet(self._telnet_negotiate_option, self._telnet_process_subnegotiation)
         try:
             while self.is_open:
@@ -64,7 +64,7 @@ class Rfc2217Port(Serial):  # type: ignore[misc]  # pyserial has no types
             self.was_lost = self.is_open  # else it was closed here
 
     def _telnet_process_subnegotiation(self, suboption: bytes) -> None:
-        """Without answers to what was not asked yet, which pyserial compares with nothing."""
+        """Ignore answers to questions that were not asked yet: pyserial would compare them with nothing."""
         with contextlib.suppress(TypeError):
             super()._telnet_process_subnegotiation(suboption)
 
@@ -131,7 +131,7 @@ class Telnet:
 
 
 def open_rfc2217(url: str, *, baudrate: int, bytesize: int, parity: str, stopbits: int, timeout: float) -> Rfc2217Port:
-    """As ``serial.serial_for_url``.
+    """Open a port, as ``serial.serial_for_url``.
 
     :raises ConnectionAbortedError: the server closed the connection while it was opened.
     :raises OSError: it does not answer, or knows no RFC 2217.

@@ -9,7 +9,7 @@ from wirebond.protocol.model import Field, Message
 
 
 def filled(message: Message, values: Mapping[str, Any]) -> dict[str, Any]:
-    """``values``, and for each further field that has no default the value nearest to zero."""
+    """Add to ``values``, for each further field without a default, the value nearest to zero."""
     return {
         **{f.name: _least(f) for f in message.fields if f.name not in values and _needs_a_value(f)},
         **values,

@@ -154,7 +154,7 @@ class Services:
         self._wake.set()
 
     def _later(self, function: Callable[[Message], None]) -> Callable[[Message], None]:
-        """For the thread that receives, which runs nothing of the program: `function` runs here."""
+        """Return a function for the receiving thread, which runs no code of the program: `function` runs here."""
 
         def note(message: Message) -> None:
             self._heard.append((function, message))
@@ -163,7 +163,7 @@ class Services:
         return note
 
     def _note_line(self, message: Message) -> None:
-        """As `_later`, for log lines, which may come in floods."""
+        """Note log lines, as `_later`; they may come in floods."""
         if self._limit.passes(message.t):
             self._heard.append((self._say_line, message))
             self._wake.set()
@@ -181,7 +181,7 @@ class Services:
             self._wake.clear()
 
     def _note_port(self, is_open: bool, t: float) -> None:
-        """In the thread that receives."""
+        """Note an event of the port. In the thread that receives."""
         if is_open:
             self._opened.append(t)
         self._wake.set()
@@ -338,7 +338,7 @@ class _ClockExchanges:
 
 
 def may_ask(codec: Codec, listens_to_all: bool) -> bool:
-    """May a link say something by itself? Not where it only listens, and not to a bus that it watches."""
+    """Check whether a link may send by itself. Not if it only listens, and not to a bus that it watches."""
     model = codec.model
     has_addresses = plan_for(model, End.HOST).address is not None
     return model.fixed != End.BOTH and not (listens_to_all and has_addresses)

@@ -78,7 +78,7 @@ def engine_port(port: PortName, waits: bool) -> dict[str, Any]:
 
 
 def latency_of(codec: Codec, port: PortName, baud: int, given: float | None) -> float:
-    """Seconds that this port may hold bytes back."""
+    """Return how many seconds this port may hold bytes back."""
     if given is not None:
         expected = f"0 to {MAX_LATENCY:g} s, such as 0.016"
         given = real("adapter_latency", given, expected)

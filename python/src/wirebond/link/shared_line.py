@@ -62,7 +62,7 @@ class SharedLine:
         self._frames = dict.fromkeys((str(one) for one in Sender), 0)
 
     def feed(self, data: bytes, t: float) -> list[tuple[Sender, Message]]:
-        """Bytes that came, and when. What they complete, in the order of the line."""
+        """Take received bytes with their time; return the messages that they complete, in the order of the line."""
         begin = self._bytes
         self._bytes += len(data)
         of_host = self._decoders[End.HOST].feed(data, t)
@@ -78,7 +78,7 @@ class SharedLine:
         return self._told({End.HOST: of_host, End.MCU: of_mcu})
 
     def idle(self, t: float) -> list[tuple[Sender, Message]]:
-        """Nothing came until then."""
+        """Note that nothing came until then; return completed messages."""
         found = {end: decoder.idle(t) for end, decoder in self._decoders.items()}
         for message in found[End.HOST]:
             if message.name in self._asking:
@@ -86,7 +86,7 @@ class SharedLine:
         return self._told(found)
 
     def finish(self) -> list[tuple[Sender, Message]]:
-        """Nothing comes any more."""
+        """Note that nothing comes any more; return completed messages."""
         return self._told({end: decoder.finish() for end, decoder in self._decoders.items()})
 
     @property

@@ -42,7 +42,7 @@ class Stamper:
 
 
 def has_stamps(codec: Codec) -> bool:
-    """Has a message of this protocol a time stamp?"""
+    """Check whether a message of this protocol has a time stamp."""
     return any(stamp_of(message) is not None for message in codec.model.messages)
 
 

@@ -283,7 +283,7 @@ def find(name: str) -> Algorithm | None:
 
 
 def in_order(algorithm: Algorithm, order: ByteOrder) -> Algorithm:
-    """With words of this byte order, that of the check's own bytes. A CRC over words has an order by its name."""
+    """Set the byte order of words to that of the check's own bytes. A CRC over words has an order by its name."""
     if algorithm.unit == 1 or algorithm.kind == CheckKind.CRC:
         return algorithm
     return replace(algorithm, unit_order=order)

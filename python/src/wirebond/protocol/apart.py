@@ -13,7 +13,7 @@ from wirebond.protocol.planning import forms
 
 
 def alike(parts: tuple[Part, ...], sender: End) -> tuple[Form, Form] | None:
-    """Two forms of a sender that some bytes can be both of."""
+    """Find two forms of a sender that some bytes can both be."""
     pairs = combinations(forms(parts, sender), 2)
     return next(((one, other) for one, other in pairs if not told_apart(one, other)), None)
 
@@ -27,7 +27,7 @@ def ends_look_alike(parts: tuple[Part, ...]) -> bool:
 
 
 def told_apart(one: Form, other: Form) -> bool:
-    """Can no bytes be a frame of both forms?"""
+    """Check that no bytes can be a frame of both forms."""
     for here, there in product(one.constants[: one.prefix_constants], other.constants[: other.prefix_constants]):
         if here.at == there.at and (here.value ^ there.value) & here.mask & there.mask:
             return True
@@ -42,7 +42,7 @@ def told_apart(one: Form, other: Form) -> bool:
 
 
 def _sizes_differ(one: Form, other: Form) -> bool:
-    """Is the payload's size what tells two forms apart, as far as a receiver knows it before it knows the form?"""
+    """Check whether the payload's size distinguishes two forms, as far as a receiver knows it before the form."""
     if one.payload == PayloadRule.BY_ID:  # a message has one size, and each form reads the same id
         return one.id == other.id and not meet(_sizes(one), _sizes(other))
     if one.payload != PayloadRule.BY_LENGTH or one.trims_zeros or one.length is None or one.length != other.length:

@@ -48,7 +48,7 @@ class McuCounters:
         return said
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON.
+        """Return it as a dictionary for JSON.
 
         :returns: ``refused_bytes``, ``refused_messages``, ``unsent`` and the sentence, ``text``.
         """

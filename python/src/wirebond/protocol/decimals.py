@@ -9,7 +9,7 @@ _LEAST, _MOST = 1e-5, 1e15  # numbers beyond have too many zeros to count, and g
 
 
 def decimal_text(value: float, digits: int) -> str:
-    """``value`` with up to ``digits`` significant digits. What stands before the decimal point is never rounded."""
+    """Write ``value`` with up to ``digits`` significant digits. Digits before the decimal point are never rounded."""
     if not isfinite(value) or not _LEAST <= abs(value) < _MOST:
         return f"{value:.{digits}g}"
     text = f"{value:.{max(digits, floor(log10(abs(value))) + 1)}g}"

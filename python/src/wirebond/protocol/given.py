@@ -11,7 +11,7 @@ from wirebond.protocol.model import F64, Field, GivenMessage, Protocol
 
 
 def is_given(model: Protocol, given: GivenMessage, message: str, fields: Mapping[str, Any]) -> bool:
-    """Has a received message the values of ``given``, as far as the wire can carry them?
+    """Check whether a received message has the values of ``given``, as far as the wire can carry them.
 
     Fields of the message that the file does not give do not count. Where it gives none at all, their defaults do: else
     any message of this name would be the one.
@@ -26,7 +26,7 @@ def is_given(model: Protocol, given: GivenMessage, message: str, fields: Mapping
 
 
 def is_emergency_stop(model: Protocol, message: str, fields: Mapping[str, Any]) -> bool:
-    """Is it one of the file's ``emergency_stop``?"""
+    """Check whether it is one of the file's ``emergency_stop``."""
     return any(is_given(model, stop, message, fields) for stop in model.emergency_stop)
 
 

@@ -67,7 +67,7 @@ def _protocol(protocol: Protocol) -> dict[str, Any]:
 
 
 def _mark(delimiter: bytes | None) -> int | str | None:
-    """One byte is a number, as it was before there were two."""
+    """Represent a delimiter of one byte as a number, as before there were two."""
     if delimiter is None:
         return None
     return delimiter[0] if len(delimiter) == 1 else delimiter.hex()
@@ -123,7 +123,7 @@ def _more_than_before(a: Algorithm) -> list[Any]:
 
 
 def _condition(condition: Condition) -> list[Any]:
-    """One bit of a field, or one magic, stands as it did when there was nothing else."""
+    """Represent one bit of a field, or one magic, as it was when there was nothing else."""
     first = condition.terms[0]
     if len(condition.terms) == 1 and isinstance(first, Comparison) and not condition.negated:
         if first.subject == Subject.MAGIC and len(first.ranges) == 1:
@@ -161,7 +161,7 @@ def _header_meaning(field: Field) -> dict[str, Any]:
 
 
 def _message(message: Message, mixed: bool) -> dict[str, Any]:
-    """``mixed``: some frames of one sender have an id and others not, so that 0 and none are two things."""
+    """Represent a message. ``mixed``: some frames of one sender have an id and others do not, so 0 and none differ."""
     match = [[m.of.value, m.name, m.mask, [list(bounds) for bounds in m.ranges]] for m in message.match]
     return ({"match": match} if match else {}) | {
         "id": None if mixed and not message.has_id else message.id,

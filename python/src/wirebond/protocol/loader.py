@@ -38,7 +38,7 @@ def load(path: str | os.PathLike[str]) -> Protocol:
 
 
 def loads(text: str, path: str = "<text>") -> Protocol:
-    """As `load`, from text; ``path`` is the name that errors give it."""
+    """Load from text, as `load`; ``path`` is its name in errors."""
     problems = Problems(path)
     root = written_out(yaml_tree.parse(text, problems))
     validate_syntax(root, problems)
@@ -49,7 +49,7 @@ def loads(text: str, path: str = "<text>") -> Protocol:
 
 
 def _read(root: Mapping, path: str, problems: Problems) -> Protocol | None:
-    """Every section that can be read, so that one wrong section does not hide what is wrong in the others."""
+    """Read every section that can be read, so that one wrong section does not hide faults of the others."""
     order = _byte_order(root)
     draft = read_frame(root.get("frame"), order, problems)
     types = Types(root.get("types"), order, problems)

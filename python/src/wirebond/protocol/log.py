@@ -83,7 +83,7 @@ def _shown(field: Field, value: Any) -> str:
 
 
 def _number(field: Field, value: float) -> str:
-    """As many decimals as the wire carries; six digits of a float."""
+    """Write a number with as many decimals as the wire carries; a float with six digits."""
     if field.is_float or not isfinite(value):
         return decimal_text(value, 6)
     digits = max(_decimals(number_text(field.scale)), _decimals(number_text(field.offset)))

@@ -27,7 +27,7 @@ def id_key(message: Message) -> int | None:
 
 
 def told_by(message: Message) -> tuple[Match, ...]:
-    """All that its frames have, its one id included."""
+    """Return all conditions of its frames, its one id included."""
     if not message.has_id or message.ids is not None:
         return message.match
     return one_id(message.id), *message.match
@@ -38,7 +38,7 @@ def one_id(value: int) -> Match:
 
 
 def overlap(one: Message, other: Message) -> tuple[Shared, ...] | None:
-    """Numbers of a frame that can be either message; None if no frame can."""
+    """Return numbers of a frame that can be either message; None if no frame can."""
     if one.has_id != other.has_id:
         return None
     if not one.match and not other.match:
@@ -55,7 +55,7 @@ def overlap(one: Message, other: Message) -> tuple[Shared, ...] | None:
 
 
 def covers(read: Message, sent: Message) -> bool:
-    """Is every frame that is sent as the one message the other one, to a receiver?"""
+    """Check whether, to a receiver, every frame sent as one message is the other one."""
     if read.has_id != sent.has_id:
         return False
     theirs = _by_key(sent)
@@ -110,7 +110,7 @@ class Told:
 
 
 def fitted_values(message: Message, values: dict[str, Any], pick: Callable[[int, int], int] = min) -> dict[str, Any]:
-    """Made-up values of all fields, changed where the message's frames have others. ``pick`` takes one of a range."""
+    """Make values for all fields that meet the message's conditions. ``pick`` chooses from a range."""
     fitted = values
     for match in message.match:
         if match.of == MatchOf.PAYLOAD:
@@ -139,7 +139,7 @@ def _with_number(
 def _with_size(
     fields: tuple[Field, ...], values: dict[str, Any], match: Match, pick: Callable[[int, int], int]
 ) -> dict[str, Any]:
-    """With another number of bytes or letters in the one field that varies freely."""
+    """Change the number of bytes or letters in the one field that varies freely."""
     free = [one for one in fields if one.is_string and one.size == 0 and not one.counted_by]
     if not free:
         return values
@@ -155,7 +155,7 @@ def _with_size(
 
 
 def payload_size(fields: tuple[Field, ...], values: dict[str, Any]) -> int:
-    """Bytes of these values, where nothing but strings and lists of numbers varies in size."""
+    """Return the bytes of these values, if only strings and lists of numbers vary in size."""
     total = 0
     for one in fields:
         value = values.get(one.name)
@@ -170,7 +170,7 @@ def payload_size(fields: tuple[Field, ...], values: dict[str, Any]) -> int:
 
 
 def _by_key(message: Message) -> dict[_Key, Match]:
-    """By what is compared. A number of the payload is the same wherever its place is, whatever its name."""
+    """Group by the compared number. A number of the payload is the same wherever its place is, whatever its name."""
     return {(match.of, "" if match.place is not None else match.name, match.place): match for match in told_by(message)}
 
 

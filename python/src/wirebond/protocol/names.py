@@ -45,12 +45,12 @@ def fault(name: str) -> str:
 
 
 def path_fault(path: str) -> str:
-    """As `fault`, for names joined by dots: a field within a struct, or among bits."""
+    """Check names joined by dots, as `fault`: a field within a struct, or among bits."""
     return next((found for name in path.split(".") if (found := fault(name))), "")
 
 
 def protocol_fault(name: str) -> str:
-    """As `fault`, for a protocol's name, which becomes a namespace and names of files."""
+    """Check a protocol's name, as `fault`: it becomes a namespace and names of files."""
     if name in _NAMESPACES:
         return (
             f"is a reserved word in C++, and the protocol's name becomes a namespace; write for example `{name}_link`"
@@ -91,7 +91,7 @@ def python_identifier(name: str) -> str:
 
 
 def meeting(names: Iterable[str]) -> list[tuple[str, str]]:
-    """Names that are one in generated code, each with the one before it that it meets."""
+    """Return names that are equal in generated code, each with the earlier one."""
     first: dict[str, str] = {}
     pairs = []
     for name in names:

@@ -149,7 +149,7 @@ class Form:
         return 0 if self.length is None else self.length.mask * self.length_unit + self.length_bias
 
     def carries(self, payload: int) -> bool:
-        """Can its length tell a payload of this size, and does no check refuse it?"""
+        """Check whether its length can give a payload of this size, and no check refuses it."""
         if not 0 <= payload <= self.most_payload or payload % self.payload_unit != self.payload_rest:
             return False
         counted = payload - self.length_bias

@@ -97,7 +97,7 @@ def _place_of(header: tuple[HeaderField, ...], *kinds: Address | None) -> int | 
 
 
 def is_id(field: HeaderField, parts: tuple[Part, ...]) -> bool:
-    """Is this header field the id, which is one where a message has several?"""
+    """Check whether this header field is the id: it is one if a message has several."""
     return any(
         (part.kind == PartKind.ID and part.header is field)
         or any(run.role == BitRole.ID and run.header is field for run in part.bits)
@@ -143,8 +143,8 @@ def _tests_of(match: Match, places: dict[str, int]) -> list[MatchTest]:
 
 
 def _applied_rules(message: Message, frame_format: FrameFormat) -> PayloadRules:
-    """Constants, with the counts that say where they lie; and all counts where nothing else tells the size, or where a
-    payload that is longer than they tell is refused."""
+    """Return constants with the counts that decide their places; and all counts, if nothing else gives the size, or if
+    a payload longer than they allow is refused."""
     rules = payload_rules(message)
     size = next(part.payload for part in frame_format.parts if part.kind == PartKind.PAYLOAD)
     if size == PayloadRule.BY_ID and message.min_payload != message.max_payload:
@@ -155,14 +155,14 @@ def _applied_rules(message: Message, frame_format: FrameFormat) -> PayloadRules:
 
 
 def forms(parts: tuple[Part, ...], sender: End | None) -> tuple[Form, ...]:
-    """Every form that a frame of this sender can take, as offsets; in the order of ``parts_of_forms``."""
+    """Return every form that a frame of this sender can take, as offsets; in the order of ``parts_of_forms``."""
     algorithms = _algorithms(parts)
     places = {field.name: place for place, field in enumerate(header_fields(parts))}
     return tuple(offsets_of(form_parts, algorithms, places, sender) for form_parts in parts_of_forms(parts, sender))
 
 
 def mixes_ids(parts: tuple[Part, ...], sender: End | None) -> bool:
-    """Have some frames of this sender an id, and others none?"""
+    """Check whether some frames of this sender have an id, and others do not."""
     return len({form.id is None for form in forms(parts, sender)}) > 1
 
 
@@ -188,7 +188,8 @@ def _starts(frame_format: FrameFormat) -> int:
 
 
 def told_by_request(messages: tuple[Message, ...], sender: End | None) -> set[str]:
-    """Names of the replies that share their id with another message of ``sender``: only their request tells them."""
+    """Return the names of replies that share their id with another message of ``sender``: only their request identifies
+    them."""
     replies = {m.reply for m in messages}
     sent = [m for m in messages if m.sent_by(sender)]
     if are_matched(sent):
@@ -214,7 +215,7 @@ def expecting(protocol: Protocol, name: str) -> Protocol:
 
 
 def ids_collide(protocol: Protocol) -> list[tuple[Message, Message]]:
-    """Pairs of messages of different senders that share an id: such streams need ``sender`` to be told apart."""
+    """Return pairs of messages of different senders that share an id: such streams need ``sender``."""
     if are_matched(protocol.messages):
         return [
             (one, other)

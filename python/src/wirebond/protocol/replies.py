@@ -6,7 +6,7 @@ from wirebond.protocol.model import Field, Message
 
 
 def carried_back(reply: Message, request: Message) -> list[str]:
-    """Fields that both have, of one kind; not what counts or is counted, which only fits together."""
+    """Return fields that both have, of one kind; without counts and counted fields, which only fit together."""
     asked = {f.name: f for f in request.fields if f.has_value}
     return [
         f.name

@@ -35,7 +35,7 @@ class Chooser(Protocol):
 
 
 def values_by(choose: Chooser, fields: tuple[Field, ...], place: int = 0) -> dict[str, Any]:
-    """Values for all fields. What counts others is left out: it is counted; so is padding."""
+    """Make values for all fields except padding and counts of others, which are counted."""
     counting = dict.fromkeys(field.counted_by for field in fields if field.counted_by)
     sizes: dict[str, int] = {}
     for name in counting:

@@ -36,12 +36,12 @@ from wirebond.protocol.model.forms import Choice
 
 
 def bytes_text(data: bytes) -> str:
-    """``0xAA 0x55``, as magics are written."""
+    """Write bytes as magics are written: ``0xAA 0x55``."""
     return " ".join(f"0x{byte:02X}" for byte in data)
 
 
 def number_type(letter: str, size: int, order: ByteOrder) -> str:
-    """``u8``, ``u16``, ``u16be``: little-endian is what a file means that says nothing."""
+    """Write a number's type: ``u8``, ``u16``, ``u16be``. Little-endian is a file's default."""
     return f"{letter}{8 * size}" + ("be" if size > 1 and order == ByteOrder.BIG else "")
 
 
@@ -54,8 +54,8 @@ def how_counted(field: Field) -> str:
 
 
 def field_type(field: Field) -> str:
-    """``i16``, ``u11``, ``f32``, ``text``: the word behind ``type:``; of a struct the name of its type. A number in
-    characters also says in which: ``i32 in decimal digits``."""
+    """Write the type after ``type:``: ``i16``, ``u11``, ``f32``, ``text``; of a struct the name of its type. A number
+    in characters has its notation, too: ``i32 in decimal digits``."""
     if field.kind == FieldKind.STRUCT:
         return field.type_name or "struct"
     if field.kind == FieldKind.BITS:
@@ -75,7 +75,7 @@ def _digits_text(digits: Digits) -> str:
 
 
 def repeated_type(field: Field) -> str:
-    """Its type, and how often it occurs: ``3 of i16``, ``up to 16 of point, as many as number says``."""
+    """Write its type, and how often it occurs: ``3 of i16``, ``up to 16 of point, as many as number says``."""
     word = field_type(field) if field.constant is None else "constant"
     if field.packed is not None:
         word += f", packed from the {field.packed.value}est bit"
@@ -94,7 +94,7 @@ def _how_many(field: Field) -> str:
 
 
 def ranges_text(parts: tuple[Part, ...], ranges: tuple[tuple[int, int], ...]) -> str:
-    """``id..payload``, ``payload`` alone or ``[id..length, payload]``, as behind ``over:``."""
+    """Write ranges as after ``over:``: ``id..payload``, ``payload`` alone or ``[id..length, payload]``."""
     # A check among shared bits is meant with the part that has them.
     ends = [(parts[first].name, parts[last - (parts[last].in_bits is not None)].name) for first, last in ranges]
     texts = [first if first == last else f"{first}..{last}" for first, last in ends]
@@ -151,7 +151,8 @@ def _value_text(comparison: Comparison, value: int) -> str:
 
 
 def part_text(parts: tuple[Part, ...], index: int) -> str:
-    """One part as a line of the ``frame`` section, without the dash: ``check: {type: xor8, over: id..payload}``."""
+    """Write one part as a line of the ``frame`` section, without the dash: ``check: {type: xor8, over:
+    id..payload}``."""
     if parts[index].in_bits is not None:
         index -= 1  # its text identifies it
     part = parts[index]
@@ -356,7 +357,7 @@ _SPELLINGS: dict[PartKind, Callable[[tuple[Part, ...], int], str]] = {
 
 
 def match_text(match: Match, digits: int = 2) -> str:
-    """``0x80..0xFF``, ``8``, ``3 with mask 0x07``: what a number is, behind its name. ``digits``: of an id."""
+    """Write the allowed numbers after a name: ``0x80..0xFF``, ``8``, ``3 with mask 0x07``. ``digits``: of an id."""
 
     def spelled(number: int) -> str:
         return f"0x{number:0{digits}X}" if match.of == MatchOf.ID or match.name == "magic" else str(number)

@@ -45,8 +45,8 @@ class SpokenVersion:
 
 
 def answering_magics(parts: tuple[Part, ...]) -> dict[int, tuple[int, ...]]:
-    """By the number of a magic of the host: those of the MCU that answer it, the one to be tried first before others.
-    Magics that the MCU's default answers are left out."""
+    """Return, by the number of a magic of the host, those of the MCU that answer it, the one to be tried first before
+    others. Magics that the MCU's default answers are left out."""
     mine = {magic: _version(parts, End.MCU, magic) for magic in magics(parts, End.MCU)}
     if len(set(mine.values())) < 2:
         return {}

@@ -18,12 +18,12 @@ def stamp_of(message: Message) -> Field | None:
 
 
 def count_us(stamp: Field) -> int:
-    """Microseconds of one count of the number on the wire."""
+    """Return the microseconds of one count of the number on the wire."""
     return int(stamp.scale * UNITS[stamp.unit])
 
 
 def stamp_fault(field: Field) -> str:
-    """Why this field with `clock` cannot be a time stamp, as a sentence; empty where it can."""
+    """Return why this field with `clock` cannot be a time stamp, as a sentence; empty if it can."""
     if not field.is_unsigned or field.count is not None or field.is_list or field.enum or field.flags:
         return "`clock` is for one unsigned number, which counts time; take u32"
     if field.unit not in UNITS:

@@ -47,7 +47,7 @@ def format_table(plan: Plan) -> bytes:
 
 
 def session_table(model: Protocol, adapter_latency: float = 0.0) -> bytes:
-    """All tables of a protocol, for the engine in a browser (`engine/wasm/module.cpp`).
+    """Return all tables of a protocol, for the engine in a browser (`engine/wasm/module.cpp`).
 
     :param adapter_latency: seconds that the port may hold bytes back: so much longer it waits for the rest of a frame.
 

@@ -96,7 +96,7 @@ def _bytes_of_step(path: Path, codec: Codec) -> int:
 
 
 def _sender(path: Path, codec: Codec) -> End:
-    """Whose messages the first bytes are."""
+    """Return the end that sent the first bytes."""
     data = bytearray()
     for part in captured(path):
         data += part

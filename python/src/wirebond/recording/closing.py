@@ -118,7 +118,7 @@ class _Rewriting:
         self._pack(b"", none, found, at)
 
     def _pack(self, data: object, raw: _Columns, found: Found, at: NDArray[np.uint64]) -> None:
-        """``at``: when each of the pieces was done, which the messages lie behind."""
+        """Pack pieces. ``at``: when each piece was done, after which its messages follow."""
         behind, channels, times, payloads = [], [], [], []
         for index, sender, message in zip(found.behind.tolist(), found.senders.tolist(), found.messages, strict=True):
             name = message.name

@@ -87,7 +87,7 @@ def _refuse_existing(files: list[Path], force: bool) -> None:
 
 
 def _tables(recording: Recording, message: str | None) -> Iterator[tuple[str, Message | None, Table]]:
-    """File name, message and rows; both ends have sent some: the end is in the name. None: frames that are unknown."""
+    """Yield file name, message and rows. If both ends sent a message, the end is in the name. None: unknown frames."""
     known = {one.name: one for one in recording.codec.model.messages}
     of = {sender: recording.columns(sender) for sender in ("mcu", "host")}
     for sender, columns in of.items():
@@ -118,7 +118,7 @@ def _cell(value: Any) -> Any:
 
 
 def csv_of(recording: Recording, message: str, sender: str | None = None) -> Iterator[bytes]:
-    """One message as CSV, piece by piece; where both ends sent it, the MCU's unless ``sender`` says otherwise.
+    """Yield one message as CSV, piece by piece. If both ends sent it: the MCU's, unless ``sender`` says otherwise.
 
     :raises UsageError: no such sender.
     """
@@ -207,7 +207,7 @@ def _about(column: str, message: Message | None) -> dict[str, str]:
 
 
 def _arrow_values(column: Any) -> Any:
-    """Texts and bytes as they are; lists and structs as JSON, always, so that each part of a column has one type."""
+    """Keep texts and bytes; write lists and structs as JSON, always, so that each part of a column has one type."""
     if isinstance(column, np.ndarray):
         return column
     return [value if isinstance(value, str | bytes) else _cell(value) for value in column]

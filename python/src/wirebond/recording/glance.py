@@ -32,7 +32,7 @@ class Glance:
 
 
 def glance(path: Path) -> Glance:
-    """Chunks are not unpacked. A file without chunks is read to its end.
+    """Read a recording's ends. Chunks are not unpacked. A file without chunks is read to its end.
 
     :raises WirebondError: it is no recording.
     :raises OSError: it cannot be read.

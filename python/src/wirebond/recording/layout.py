@@ -69,7 +69,7 @@ def topic_of(message: Message, sender: str) -> str:
 
 
 def message_schema(codec: Codec, name: str) -> bytes:
-    """JSON Schema of a message's decoded values."""
+    """Return the JSON Schema of a message's decoded values."""
     model = next((m for m in codec.model.messages if m.name == name), None)
     properties = {} if model is None else {f.name: _schema_of(f) for f in model.fields if f.has_value}
     return json.dumps({"title": name, "type": "object", "properties": properties}, ensure_ascii=False).encode()
@@ -105,7 +105,7 @@ def message_json(message: Message, has_header: bool) -> bytes:
 
 
 def to_json(values: Mapping[str, Any]) -> bytes:
-    """Compact. Numbers that JSON has not become null, and bytes hexadecimal."""
+    """Write compact JSON. Numbers that JSON lacks become null, and bytes hexadecimal."""
     try:
         return _encode(values if _SIMPLE.issuperset(map(type, values.values())) else _without_bytes(values))
     except (OverflowError, UnicodeEncodeError):  # a number of more than 64 bits, half a surrogate pair

@@ -6,8 +6,8 @@ import sys
 
 
 def lock(descriptor: int) -> bool:
-    """Until the descriptor is closed. False: another one has it. On Windows a lock would keep others from reading the
-    file, so there is none."""
+    """Lock until the descriptor is closed. False: another one has it. On Windows a lock would keep others from reading
+    the file, so there is none."""
     if sys.platform == "win32":
         return True
     import fcntl  # noqa: PLC0415 Windows has none

@@ -122,14 +122,14 @@ class McapWriter:
         self._note(ATTACHMENT_INDEX, entry)
 
     def add_message(self, channel: int, logged: int, data: bytes, published: int) -> None:
-        """One, not in a chunk."""
+        """Add one message, not in a chunk."""
         self._file.write(_MESSAGE.pack(MESSAGE, 22 + len(data), channel, 0, logged, published) + data)
         self._counts[channel] = self._counts.get(channel, 0) + 1
         self._first = logged if self._first is None or logged < self._first else self._first
         self._last = max(self._last, logged)
 
     def add_records(self, packed: Packed) -> None:
-        """Many, for chunks."""
+        """Add many records, for chunks."""
         if not len(packed.places):
             return
         numbers, counts = np.unique(packed.channels, return_counts=True)

@@ -52,7 +52,7 @@ class Note:
 
 
 def notes_from(metadata: Iterable[Mapping[str, str]]) -> tuple[Note, ...]:
-    """As the file's metadata have them."""
+    """Read notes from the file's metadata."""
     found = []
     for values in metadata:
         t = values.get("t_ns", "0")

@@ -56,7 +56,7 @@ class Pieces:
         return Chunk(float(self.times[index]), float(self.before[index]), KINDS[self.kinds[index]], data)
 
     def event(self, index: int) -> LinkEvent | None:
-        """None: it is damaged."""
+        """Read an event; None: it is damaged."""
         try:
             values = json.loads(self.run.payload(int(self.rows[index])))
             values.pop("t", None)
@@ -121,7 +121,7 @@ class PieceFile:
                 events.append(event)
 
     def passes(self, progress: Progress | None = None) -> Iterator[Pieces]:
-        """All pieces, some thousands at a time.
+        """Yield all pieces, some thousands at a time.
 
         :param progress: called as ``progress(done, size)``, in bytes of the file.
         """
@@ -133,7 +133,7 @@ class PieceFile:
                 yield pieces
 
     def direction(self, kind: int) -> Direction:
-        """All of one direction, in memory."""
+        """Return all of one direction, in memory."""
         data, sizes, before = [], [], []
         breaks: list[int] = []
         count = 0
@@ -154,8 +154,8 @@ class PieceFile:
         return Direction(b"".join(data), ends, np.concatenate(before), sorted(set(breaks)))
 
     def _pieces(self, run: Run, latest: list[float]) -> Pieces:
-        """``latest``: of each direction when its last piece before this run began, and when the last one of all was
-        done."""
+        """Read a run of pieces. ``latest``: of each direction when its last piece before this run began, and when the
+        last one of all was done."""
         table = np.full(1 << 16, _NONE, np.uint8)
         for number, channel in self.contents.channels.items():
             table[number] = _TOPICS.get(channel.topic, _NONE)
@@ -179,7 +179,7 @@ class PieceFile:
         return int(text) if text.isdecimal() and len(text) < 20 else first_ns
 
     def _seconds(self, nanoseconds: NDArray[np.uint64]) -> NDArray[np.float64]:
-        """Never before the start: a damaged time is no reason to stop."""
+        """Convert to seconds, never before the start: a damaged time is no reason to stop."""
         start = np.uint64(min(self.start_ns, (1 << 64) - 1))
         later = np.where(nanoseconds > start, nanoseconds - start, np.uint64(0))
         return np.minimum(later, np.uint64(10**18)).astype(np.float64) / 1e9
@@ -188,7 +188,8 @@ class PieceFile:
 def _plausible(
     times: NDArray[np.float64], begun: NDArray[np.float64], previous: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """One wrong time must not move all that follow. ``previous``: of the piece before these."""
+    """Replace implausible times: one wrong time must not move all that follow. ``previous``: of the piece before
+    these."""
     if not len(times):
         return times, begun
     before, after = np.concatenate([[previous], times[:-1]]), np.concatenate([times[1:], times[-1:]])

@@ -35,7 +35,7 @@ class Found:
 
     @staticmethod
     def joined(parts: Sequence[Found]) -> Found:
-        """By the pieces; those behind the same piece in the order of ``parts``."""
+        """Join by the pieces; those after the same piece in the order of ``parts``."""
         if len(parts) == 1:
             return parts[0]
         behind = np.concatenate([_NO_PLACES, *(part.behind for part in parts)])

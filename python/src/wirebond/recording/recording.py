@@ -181,7 +181,7 @@ class Recording:
     # ---- raw
 
     def raw(self, direction: str) -> bytes:
-        """All bytes of one direction, without times.
+        """Return all bytes of one direction, without times.
 
         :param direction: ``"received"`` or ``"sent"``.
         :returns: the bytes.
@@ -190,7 +190,7 @@ class Recording:
         return self._pieces.direction(self._kind(direction)).data
 
     def chunks(self, direction: str | None = None) -> Iterator[Chunk]:
-        """Every read and every write, in the order of the recording.
+        """Yield every read and every write, in the order of the recording.
 
         :param direction: ``"received"`` or ``"sent"``; None: both.
         :returns: an iterator of them.
@@ -207,12 +207,12 @@ class Recording:
     # ---- decoded
 
     def __iter__(self) -> Iterator[Message]:
-        """All messages of both ends."""
+        """Yield all messages of both ends."""
         return self.messages()
 
     def messages(self, sender: str | None = None) -> Iterator[Message]:
-        """Messages in the order in which they came, as a link gives them. ``message.t`` is when the read began that
-        completed it, or when it was written.
+        """Yield messages in the order in which they came, as a link gives them. ``message.t`` is when the read began
+        that completed it, or when it was written.
 
         :param sender: whose: ``"mcu"`` or ``"host"``; None: both.
         :returns: an iterator of them.
@@ -233,7 +233,7 @@ class Recording:
                 yield end, message
 
     def walk(self, sender: str | None = None) -> Iterator[tuple[Chunk | LinkEvent, str, Message | None]]:
-        """Every piece of the recording, once with None, and then once for each message that it completed.
+        """Yield every piece of the recording, once with None, and then once for each message that it completed.
 
         :param sender: as for ``messages``.
         :returns: an iterator of piece, end that sent it, and message.
@@ -257,8 +257,8 @@ class Recording:
         yield from ((last, end, m) for end, m in reading.finish())
 
     def columns(self, sender: str = "mcu", *, progress: Progress | None = None) -> Columns:
-        """All messages of one end at once, without a Python object for each: as ``Codec.decode_columns``, and each
-        table has ``t``, the time of each row.
+        """Decode all messages of one end at once, without a Python object for each: as ``Codec.decode_columns``, and
+        each table has ``t``, the time of each row.
 
         :param sender: whose: ``"mcu"`` or ``"host"``.
         :param progress: called as ``progress(done, size)`` in bytes.
@@ -285,7 +285,7 @@ class Recording:
         return Columns(tables, stats_from(result["stats"]))
 
     def reads(self, sender: str) -> Reads:
-        """All bytes of one end, with the times at which they came.
+        """Return all bytes of one end, with the times at which they came.
 
         :param sender: whose: ``"mcu"`` or ``"host"``.
         :returns: what ``columns`` decodes.
@@ -347,7 +347,7 @@ class Recording:
         return KINDS.index(direction)
 
     def _ns(self, times: NDArray[np.float64]) -> NDArray[np.uint64]:
-        """In nanoseconds since 1970, in whole microseconds as the link counts them."""
+        """Convert to nanoseconds since 1970, in whole microseconds as the link counts them."""
         return np.uint64(self._start_ns) + np.round(times * 1e6).astype(np.uint64) * np.uint64(1000)
 
     def _sender_of(self, direction: str) -> End:

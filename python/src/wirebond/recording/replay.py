@@ -49,7 +49,7 @@ class Section:
         return self.speed == 0
 
     def length(self, recording: Recording) -> float:
-        """Seconds of one round."""
+        """Return the seconds of one round."""
         stop = recording.duration if self.stop is None else min(self.stop, recording.duration)
         return max(stop - self.start, 0.0)
 
@@ -83,7 +83,7 @@ class Pace:
         self._began = time.monotonic()
 
     def wait(self, t: float, ends: threading.Event | None = None) -> bool:
-        """Until ``t`` seconds of the section. False: ``ends`` was set."""
+        """Wait until ``t`` seconds of the section. False: ``ends`` was set."""
         due = self._began if not self._speed else self._began + t / self._speed
         while (left := due - time.monotonic()) > 0:
             if ends is None:

@@ -36,7 +36,7 @@ class ReplayClock:
         return self._origin_us + round(self._at * 1e6)
 
     def seconds(self, t: float) -> float:
-        """On this clock, of a time of the section."""
+        """Convert a time of the section to seconds on this clock."""
         return (self._origin_us + round(t * 1e6)) / 1e6
 
     def section_time(self, t: float) -> float:

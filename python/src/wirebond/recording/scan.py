@@ -95,7 +95,7 @@ class _Window:
         self.data = b""
 
     def load(self, at: int, size: int) -> int:
-        """Have ``size`` bytes from ``at`` on; where in ``data`` they begin.
+        """Load ``size`` bytes from ``at`` on; return where they begin in ``data``.
 
         :raises ShorterError: the file has become shorter.
         """
@@ -333,7 +333,7 @@ def _messages(data: Any, at: int, end: int) -> tuple[int, Run | None]:
 
 
 def _unpacked(compression: str, packed: bytes, size: int) -> bytes:
-    """Never more than ``size`` bytes, whatever the compressed ones say."""
+    """Unpack at most ``size`` bytes, whatever the compressed ones say."""
     try:
         if compression == "zstd":
             data = _zstd(packed, size)

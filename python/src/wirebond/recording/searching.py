@@ -49,7 +49,7 @@ class Source:
         self.size = os.lseek(self._file, 0, os.SEEK_END)
 
     def read(self, at: int, size: int) -> bytes:
-        """Fewer bytes where the file has become shorter."""
+        """Read; returns fewer bytes if the file has become shorter."""
         parts = []
         with self._lock:
             os.lseek(self._file, at, os.SEEK_SET)

@@ -36,7 +36,7 @@ class RecordedClock:
         return None if place < 0 else on_line(lines[place], mcu_us, near, wrap_us)
 
     def stamped(self, columns: Columns) -> Columns:
-        """With the stamps of each message that has one, NaN where they are not known."""
+        """Add the stamps of each message that has one, NaN if they are not known."""
         tables = dict(columns.tables)
         for name, table in tables.items():
             if name == "unknown" or (stamp := stamp_of(self._codec.model.message(name))) is None:
@@ -112,7 +112,7 @@ def _numbers(column: Any) -> list[int]:
 def _on_line(
     line: ClockLine, raw: NDArray[np.int64], near: NDArray[np.float64], wrap_us: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """``on_line`` for many at once."""
+    """Convert many times at once, as ``on_line``."""
     newest, wrap = line.segments[-1], min(line.modulus, wrap_us)
     expected = np.rint((line.last.mcu + (near - line.last.host) / newest.slope) * 1e6).astype(np.int64)
     mcu = (expected + (raw - expected + wrap // 2) % wrap - wrap // 2) * 1e-6

@@ -37,7 +37,7 @@ class _Batch:
         return len(data)
 
     def tell(self) -> int:
-        """Bytes since the beginning of the file."""
+        """Return the number of bytes since the beginning of the file."""
         return self._size
 
     def take(self) -> bytes:
@@ -101,7 +101,7 @@ class RecordingWriter:
             raise
 
     def add(self, piece: Chunk | LinkEvent) -> None:
-        """Nothing reaches the file before ``flush``."""
+        """Add a record. Nothing reaches the file before ``flush``."""
         at = self._ns(piece.t)
         self._last_us = round(piece.t * 1e6) - self._origin_us
         if isinstance(piece, Chunk):
@@ -111,7 +111,7 @@ class RecordingWriter:
         self._mcap.add_message(self._events, at, layout.to_json({"t": t, "kind": piece.kind, **piece.facts}), at)
 
     def flush(self) -> None:
-        """One write call for what was added. After an error the file ends with the last record that it has room for.
+        """Write added records with one call. After an error the file ends with the last record that fits.
 
         :raises OSError: the system did not take all; the rest is gone.
         """
@@ -192,7 +192,7 @@ def _sync_folder(folder: Path) -> None:
 
 
 def unsafe_sentence(error: OSError, path: Path, unsafe: str) -> str:
-    """Why a recording ended when the disk did not keep what was written. ``unsafe``: of the writer."""
+    """Write why a recording ended when the disk did not keep its bytes. ``unsafe``: of the writer."""
     return (
         f"the recording {path} ended early: the disk did not store the data ({error.strerror or error}); check the "
         f"disk, or record to another one. {unsafe}"
@@ -200,7 +200,7 @@ def unsafe_sentence(error: OSError, path: Path, unsafe: str) -> str:
 
 
 def full_disk_sentence(error: OSError, path: Path) -> str:
-    """Why a recording ended early."""
+    """Write why a recording ended early."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         why = "no space is left on the disk; make room, or record to another one"
     elif error.errno == errno.EFBIG:

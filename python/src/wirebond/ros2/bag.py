@@ -88,7 +88,7 @@ def _of_mcu(recording: Recording, bag: _Bag, mapping: BridgeMapping, own: OwnTyp
 
 
 def _of_host(recording: Recording, bag: _Bag, mapping: BridgeMapping, own: OwnTypes) -> Topics:
-    """`sent`, not `send`: a bag that is played commands nothing."""
+    """Name topics of the host `sent`, not `send`: a bag that is played commands nothing."""
     return Topics(
         recording.codec,
         BridgeMapping(mapping.node, publish=own_topics(recording.codec.model, own, End.HOST, "~/{}/sent")),

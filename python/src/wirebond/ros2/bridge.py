@@ -161,7 +161,7 @@ class Bridge:
         self._closed.set()
 
     def start(self) -> threading.Thread:
-        """``run`` in a thread of its own. If it ends by a fault, the node's ``failure`` says so."""
+        """Start ``run`` in a thread of its own. If it ends by a fault, the node's ``failure`` says so."""
         thread = self.node.failure.thread(f"bridge of {self.mapping.node}", self.run)
         thread.start()
         return thread
@@ -301,8 +301,8 @@ class Bridge:
             self._throttle.say("error", "release", self._words.why(error))
 
     def _take_control(self, _: dict[str, Any]) -> None:
-        """One message is a person's decision. A topic that is published all the time decides nothing: after another
-        program released the emergency stop, it takes no control."""
+        """Take control for one message, which is a person's decision. A topic that is published all the time decides
+        nothing: after another program released the emergency stop, it takes no control."""
         if self._is_old("control was not taken"):
             return
         now = time.monotonic()

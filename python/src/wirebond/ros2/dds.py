@@ -222,7 +222,7 @@ class DdsNode:
         self._readers.append(_Reader(requests, service, subscriber, is_of_service=True))
 
     def declare(self, parameter: Parameter) -> None:
-        """There are no parameter services without ROS: the value of the mapping file holds."""
+        """Use the mapping file's value: without ROS there are no parameter services."""
 
     def update(self, name: str, value: float) -> None:
         """See ``declare``."""
@@ -375,7 +375,7 @@ def _known(name: str) -> RosType:
 
 
 def _dds_qos(qos: Qos, type_: RosType | None = None, user_data: str = "") -> DdsQos:
-    """``user_data``: what comes after the type's hash."""
+    """Make the quality of service. ``user_data``: comes after the type's hash."""
     policies: list[Any] = [
         Policy.Reliability.Reliable(duration(milliseconds=100)) if qos.reliable else Policy.Reliability.BestEffort,
         Policy.Durability.TransientLocal if qos.latched else Policy.Durability.Volatile,

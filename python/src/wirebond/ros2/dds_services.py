@@ -81,7 +81,7 @@ class Calls:
 
 
 def _wait_for_clients(requests: DataReader[Any], responses: DataWriter[Any]) -> None:
-    """Until every program that may ask can hear the response: a response that comes before is lost."""
+    """Wait until every program that may ask can hear the response: an earlier one would be lost."""
     end = time.monotonic() + _MATCH
     while time.monotonic() < end:
         asking = {_client(requests.get_matched_publication_data(one)) for one in requests.get_matched_publications()}

@@ -27,7 +27,7 @@ _TAP_BYTES = 1 << 20  # that wait for the next read: 2 s of both directions at 2
 
 
 def can_hold_back(model: Protocol) -> bool:
-    """Has the MCU a deadline that ends only by an explicit message or call?"""
+    """Check whether the MCU has a deadline that ends only by an explicit message or call."""
     return bool(_explicit(model))
 
 

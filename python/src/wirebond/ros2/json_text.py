@@ -12,8 +12,8 @@ from wirebond.protocol.model import Message as MessageModel
 
 
 def to_json(message: Message) -> str:
-    """Its fields, with ``header`` beside them where the frame has fields of its own. Bytes are hexadecimal, and numbers
-    that JSON does not have are null."""
+    """Write its fields, with ``header`` beside them if the frame has fields of its own. Bytes are hexadecimal, and
+    numbers that JSON lacks are null."""
     values = dict(message.fields)
     if message.header and "header" not in values:
         values["header"] = dict(message.header)

@@ -74,7 +74,7 @@ class Quick(Protocol):
         ...
 
     def flush(self) -> None:
-        """No more messages have come for the moment."""
+        """Note that no more messages have come for the moment."""
         ...
 
 
@@ -138,7 +138,7 @@ class Node(Protocol):
         ...
 
     def start(self) -> None:
-        """All topics are there: be seen by others, and begin to call."""
+        """Start: all topics are there. Become visible to others, and begin to call."""
         ...
 
     def close(self) -> None:
@@ -171,7 +171,8 @@ def type_mismatch(topic: str, theirs: str, own: str, *, is_publisher: bool) -> s
 
 
 def whole_topic(topic: str, namespace: str, node: str) -> str:
-    """``cmd_vel`` in its namespace, ``~/status`` below the node, ``/odom`` as it is."""
+    """Return the full name of a topic: ``cmd_vel`` in its namespace, ``~/status`` below the node, ``/odom`` as it
+    is."""
     if topic.startswith("/"):
         return topic
     base = namespace.rstrip("/")

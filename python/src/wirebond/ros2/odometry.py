@@ -26,7 +26,7 @@ class Odometry:
         self._is_to_reset = False
 
     def reset(self) -> None:
-        """Be at (0, 0, 0) before the next ticks. Any thread."""
+        """Return to (0, 0, 0) before the next ticks. Any thread."""
         self._is_to_reset = True
 
     def take(self, fields: Mapping[str, Any], t: float) -> None:
@@ -49,7 +49,7 @@ class Odometry:
         self.rates = [angle / between for angle in angles]
 
     def _between(self, t: float) -> float:
-        """Seconds that the ticks are of: the protocol's period, which does not jitter, unless one is missing."""
+        """Return the seconds between the ticks: the protocol's period, which does not jitter, unless one is missing."""
         last, self._last_t = self._last_t, t
         measured = self._every or 0.05 if last is None else max(t - last, 1e-4)
         return measured if self._every is None or measured > _SLOWEST * self._every else self._every
@@ -57,7 +57,7 @@ class Odometry:
     # ---- as messages
 
     def odometry(self, stamp: Mapping[str, int]) -> dict[str, Any]:
-        """nav_msgs/Odometry."""
+        """Return the nav_msgs/Odometry."""
         x, y, heading = (deviation**2 for deviation in self._mapping.pose_deviation)
         speed, turn = (deviation**2 for deviation in self._mapping.twist_deviation)
         return {
@@ -74,13 +74,13 @@ class Odometry:
         }
 
     def transform(self, stamp: Mapping[str, int]) -> dict[str, Any]:
-        """tf2_msgs/TFMessage."""
+        """Return the tf2_msgs/TFMessage."""
         moved = {"translation": {"x": self.x, "y": self.y}, "rotation": self._orientation()}
         header = {"stamp": stamp, "frame_id": self._mapping.frame}
         return {"transforms": [{"header": header, "child_frame_id": self._mapping.child_frame, "transform": moved}]}
 
     def joint_states(self, stamp: Mapping[str, int]) -> dict[str, Any]:
-        """sensor_msgs/JointState."""
+        """Return the sensor_msgs/JointState."""
         return {
             "header": {"stamp": stamp},
             "name": self._mapping.joints,

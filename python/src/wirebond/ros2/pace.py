@@ -22,7 +22,7 @@ class Pace:
         self._next = 0.0
 
     def wait(self) -> None:
-        """Before each look that may wait for messages."""
+        """Wait before each check for messages."""
         now = self._clock()
         if now < self._next:
             self._sleep(self._next - now)

@@ -72,7 +72,7 @@ class SerialTopics:
                 self._tx_hex.publish({"data": f"TX: {message.raw.hex(' ')}"})
 
     def _send(self, values: dict[str, Any]) -> None:
-        """Frames of the host, sent as messages under the rules of all others; other bytes are refused."""
+        """Send frames of the host as messages, under the rules of all others; other bytes are refused."""
         decoder = self._codec.decoder(sender="host")
         data = bytes(values["data"])
         messages = [*decoder.feed(data, t=time.monotonic()), *decoder.finish()]

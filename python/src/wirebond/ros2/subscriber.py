@@ -40,6 +40,6 @@ class Subscriber:
             first += 1
 
     def flush(self) -> None:
-        """No more messages have come for the moment."""
+        """Note that no more messages have come for the moment."""
         if self.quick is not None:
             self.quick.flush()

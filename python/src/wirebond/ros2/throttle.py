@@ -22,7 +22,8 @@ class Throttle:
         self._lock = threading.Lock()
 
     def say(self, level: str, about: str, text: str, most: int = 1) -> None:
-        """``about`` is what counts as the same thing. ``most``: lines about it in a second, for what persons do."""
+        """Log, a few lines a second. ``about`` identifies equal subjects. ``most``: maximum lines per second, for
+        actions of persons."""
         now = self._clock()
         with self._lock:
             said = self._said.setdefault(about, deque())

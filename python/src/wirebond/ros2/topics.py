@@ -136,5 +136,5 @@ def known(name: str) -> RosType:
 
 
 def stamp_of(ns: int) -> dict[str, int]:
-    """Nanoseconds as builtin_interfaces/Time."""
+    """Convert nanoseconds to builtin_interfaces/Time."""
     return {"sec": ns // 1_000_000_000, "nanosec": ns % 1_000_000_000}

@@ -150,7 +150,7 @@ def ros_type(name: str) -> RosType | None:
 
 
 def type_names() -> list[str]:
-    """Every type that is known, as people write it."""
+    """Return every known type, as people write it."""
     return sorted(_short(name) for name in _store().fielddefs if "/msg/" in name)
 
 
@@ -212,7 +212,7 @@ def _type(name: str) -> RosType | None:
 
 
 def _made(name: str, store: Typestore, own: dict[str, RosType]) -> RosType:
-    """``own``: those that only this store has; what is made is added."""
+    """Make a type. ``own``: those that only this store has; the new one is added."""
     if name in own:
         return own[name]
     constants, fields = store.fielddefs[name]

@@ -71,7 +71,7 @@ class Client(asyncio.Protocol):
         transport.write(data)
 
     def give(self, data: bytes, messages: list[Message]) -> None:
-        """Received messages. Where it does not read, it gets only replies to its own requests."""
+        """Give it received messages. If it does not read, it gets only replies to its own requests."""
         transport = self._transport
         if transport is None or transport.is_closing():
             return
@@ -94,7 +94,7 @@ class Client(asyncio.Protocol):
             self.lost = 0
 
     def answer(self, number: int, value: dict[str, Any]) -> None:
-        """To its request with this number. A refusal is in Chinese, too."""
+        """Answer its request with this number. A refusal is in Chinese, too."""
         told = with_chinese(value, "text") if "error" in value else value
         self.write(words.json_message({"re": number, **told}))
 
@@ -128,7 +128,7 @@ class Client(asyncio.Protocol):
                 goes.make_way()
 
     def make_way(self) -> None:
-        """Too many connections have not said who they are, and this is the oldest."""
+        """Close it: too many connections have not identified themselves, and this is the oldest."""
         self.refuse("too_many", "too many connections have not identified themselves; attach again")
         if self._transport is not None:
             self._transport.abort()  # also where it does not read
@@ -196,7 +196,7 @@ class Client(asyncio.Protocol):
         self.answer(request.id, answer)
 
     def _delay(self, request: words.Attach) -> float:
-        """Seconds that its token waits for the answer."""
+        """Return how many seconds its token waits for the answer."""
         if not self.is_remote:
             return 0.0
         is_right = self._server.is_token(request.token)

@@ -42,7 +42,7 @@ class Command:
     error: str = ""
 
     def is_again(self, other: Command) -> bool:
-        """Is the other one the same command?"""
+        """Check whether the other one is the same command."""
         mine = self.fields, self.header, self.frame, self.error
         return mine == (other.fields, other.header, other.frame, other.error)
 
@@ -80,5 +80,5 @@ class CommandLog:
                 del self._newest[key]
 
     def commands(self) -> list[Command]:
-        """All that are kept, the oldest first."""
+        """Return all kept commands, the oldest first."""
         return list(self._commands)

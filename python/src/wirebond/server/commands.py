@@ -70,7 +70,7 @@ class Commands:
         self._controlled = {m.name for m in model.messages if self._end == End.HOST and is_controlled(model, m)}
 
     def do(self, client: Client, request: words.Request) -> dict[str, Any]:
-        """Its answer."""
+        """Do it, and return the answer."""
         try:
             match request:
                 case words.Send() | words.Repeat():
@@ -414,7 +414,7 @@ class Commands:
     # ---- recordings of the server
 
     def answer_later(self, client: Client, request: words.OfRecordings) -> None:
-        """Its answer, when the disk has given it."""
+        """Answer when the disk has finished."""
         if client.waiting_for_disk >= _MOST_FOR_DISK:
             text = f"{_MOST_FOR_DISK} requests of this client wait for the disk; wait for some of them"
             client.answer(request.id, {"error": "full", "text": text})
@@ -451,13 +451,13 @@ class Commands:
     # ---- received messages
 
     def packed(self, messages: list[Message], wants: str) -> bytes:
-        """As this client wants them."""
+        """Pack messages as this client wants them."""
         if wants == "frames":
             return words.framed(words.FRAMES, _engine.pack_messages(messages))
         return self.as_json(messages)
 
     def as_json(self, messages: list[Message]) -> bytes:
-        """One event for each."""
+        """Write one event for each."""
         return b"".join(words.json_message(message_event(m)) for m in messages)
 
 

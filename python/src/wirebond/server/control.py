@@ -38,7 +38,7 @@ class Ticks:
     _times: dict[int, float] = field(default_factory=dict)
 
     def next(self, now: float) -> int:
-        """One more tick."""
+        """Count one more tick."""
         if self.newest == 0:
             self._times[0] = now  # for clients that attached before the first tick
         self.newest += 1
@@ -47,7 +47,7 @@ class Ticks:
         return self.newest
 
     def age(self, tick: int, now: float) -> float:
-        """Seconds since the tick after this one was due: what its sender had seen is at least that old.
+        """Return the seconds since the tick after this one was due: its sender's state was at least that old.
 
         The time when that tick was really made says nothing: while the server is stalled, it makes none.
         """
@@ -91,7 +91,7 @@ class ControlBook:
             self._clients[client].beat = now
 
     def late(self, tick: int, now: float) -> str | None:
-        """Why a request that had seen this tick comes too late; None: it does not."""
+        """Return why a request with this tick comes too late; None if it does not."""
         if self.ticks.age(tick, now) <= OLDEST_COMMAND:
             return None
         return (
@@ -100,7 +100,8 @@ class ControlBook:
         )
 
     def refuses(self, client: Hashable, tick: int, now: float) -> tuple[str, str] | None:
-        """Why this client may not command at this moment: a word and a sentence. None: it may, and is in control."""
+        """Return why this client may not command at this moment: a word and a sentence. None: it may, and is in
+        control."""
         late = self.late(tick, now)
         if late is not None:
             return "late", late
@@ -121,7 +122,8 @@ class ControlBook:
         return None
 
     def take(self, client: Hashable, over: bool | str, now: float) -> str | None:
-        """Why it does not get control; None: it has it. Of another holder, call ``give_up`` first."""
+        """Take control. Returns why it does not get it; None: it has it. If there is another holder, call ``give_up``
+        first."""
         if self.holder not in (None, client) and isinstance(over, str) and over != self.name:
             return f"{self.name} is in control of the robot by now, not {over}; decide again, and name that one"
         if self.holder not in (None, client) and not over:
@@ -145,7 +147,8 @@ class ControlBook:
         return was
 
     def all_must_ask(self) -> None:
-        """No command takes control by itself any more: a program that sends without pause would win by chance."""
+        """Require an explicit request for control from now on: a program that sends without pause would win by
+        chance."""
         self.released_by = None
         for client in self._clients.values():
             client.asks = True
@@ -163,7 +166,7 @@ class ControlBook:
             client.asks = key != by
 
     def may_take_by_command(self, client: Hashable) -> None:
-        """Its next command takes control where nobody has it: it released control itself."""
+        """Allow its next command to take control if no client has it: it released control itself."""
         self._clients[client].asks = False
 
     def _waits(self, client: Hashable) -> bool:
@@ -176,5 +179,5 @@ class ControlBook:
         )
 
     def silent(self, now: float) -> bool:
-        """Has the holder not shown for too long that it runs?"""
+        """Check whether the holder has been silent for too long."""
         return self.holder is not None and now - self._clients[self.holder].beat > SILENCE

@@ -15,7 +15,7 @@ _WAITING = 1024  # connections that the system keeps until they are accepted
 
 
 def is_loopback(host: str) -> bool:
-    """Is it this computer alone that reaches the host by this name?"""
+    """Check whether only this computer reaches the host by this name."""
     if host == "localhost":
         return True
     with contextlib.suppress(ValueError):
@@ -66,7 +66,7 @@ def _is_served(path: str) -> bool:
 
 
 def tcp_socket(host: str, port: int) -> socket.socket:
-    """One that listens there.
+    """Return a socket that listens there.
 
     :raises PortError: it cannot.
     """

@@ -166,7 +166,7 @@ class Owner:
             self.loop.call_soon_threadsafe(self._gather)
 
     def _tell_recording(self, recording: StoredRecording) -> None:
-        """To every client. In any thread."""
+        """Report the recording to every client. In any thread."""
         with contextlib.suppress(RuntimeError):  # the loop has ended
             self.loop.call_soon_threadsafe(self.tell_all, {"event": "recording", "recording": recording})
 
@@ -285,7 +285,7 @@ class Owner:
             self._flush = self.loop.call_later(_GATHER, self.give)
 
     def give(self) -> None:
-        """Received messages to those who want them."""
+        """Give received messages to the clients that want them."""
         if self._flush is not None:
             self._flush.cancel()
             self._flush = None

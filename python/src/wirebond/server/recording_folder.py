@@ -70,7 +70,7 @@ class RecordingFolder:
 
 
 def by_start(found: Iterable[StoredRecording | None]) -> list[StoredRecording]:
-    """Those that there are, the newest first."""
+    """Return the existing recordings, the newest first."""
     return sorted((one for one in found if one is not None), key=lambda one: one.started, reverse=True)
 
 

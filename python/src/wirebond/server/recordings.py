@@ -157,7 +157,7 @@ class Recordings:
         return bool(self._closing)
 
     def wait(self) -> None:
-        """Until every file is compressed. An interrupt leaves the files whole."""
+        """Wait until every file is compressed. An interrupt leaves the files whole."""
         if self._closer is None:
             return
         try:
@@ -180,7 +180,7 @@ class Recordings:
         return self._files
 
     def _end(self) -> StoredRecording | None:
-        """None: nothing was being recorded."""
+        """End the recording; None: there was none."""
         recorder, self._recorder = self._recorder, None
         if recorder is None:
             return None
@@ -228,7 +228,7 @@ class Recordings:
         )
 
     def _stored(self, path: Path) -> StoredRecording | None:
-        """None: it is not there any more."""
+        """Return the stored recording; None: it is gone."""
         recorder = self._recorder
         if recorder is not None and recorder.path == path:
             return self._current(recorder)

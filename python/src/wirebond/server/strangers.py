@@ -49,7 +49,7 @@ class Strangers(Generic[_T]):
         return goes
 
     def wait(self, who: _T, *, makes_way: bool) -> None:
-        """Its token waits for its answer. Without ``makes_way`` it makes way for nobody; else for everybody."""
+        """Wait for the token's answer. Without ``makes_way`` it is never displaced; otherwise by any other."""
         if who in self._stay:
             self._stay[who] = not makes_way
 
@@ -74,7 +74,7 @@ class WrongTokens:
         self._last: dict[str, float] = {}  # by address, in the order of time
 
     def delay(self, address: str, now: float, *, is_right: bool) -> float:
-        """Seconds that a token from there has to wait."""
+        """Return how many seconds a token from there has to wait."""
         if is_right and not self.is_short:
             return 0.0
         last = self._last.get(address)

@@ -52,7 +52,7 @@ class FirmwareProcess:
         return self._process.pid
 
     def events(self, timeout: float = 0.0) -> list[str]:
-        """Lines such as ``12.345 stop`` since the last call; waits up to ``timeout`` seconds for the first."""
+        """Return lines such as ``12.345 stop`` since the last call; waits up to ``timeout`` seconds for the first."""
         lines: list[str] = []
         try:
             lines.append(self._lines.get(timeout=timeout) if timeout > 0 else self._lines.get_nowait())

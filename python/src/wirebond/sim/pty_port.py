@@ -56,7 +56,7 @@ class PtyPort:
         self.lost_bytes += len(data) - written
 
     def wait_for_program(self) -> None:
-        """Until a program opens the other side and has set it up: most drop what lies there by then.
+        """Wait until a program has opened the other side and set it up: most drop earlier bytes.
 
         From here on the line is in packet mode (ioctl_tty(2), TIOCPKT), which shows it; ``read`` is not for that mode.
         """
@@ -76,7 +76,7 @@ class PtyPort:
                 return
 
     def unread(self) -> int | None:
-        """Bytes that were written, and that the program has not read yet; None where that cannot be told."""
+        """Return how many written bytes the program has not read yet; None if that cannot be known."""
         if self._keeper < 0 or sys.platform == "win32":
             return None
         if not select.select([self._keeper], [], [], 0)[0]:  # unlike FIONREAD, it waits for bytes on their way
@@ -107,7 +107,7 @@ class PtyPort:
 
 
 def _raw_pty() -> tuple[int, int, str]:
-    """Both ends of a new pty, and the path of the second."""
+    """Return both ends of a new pty, and the path of the second."""
     if sys.platform == "win32":
         raise no_ptys("a device that is simulated or replayed")
     controller, tty_end = os.openpty()

@@ -19,7 +19,7 @@ def protocol_file() -> Path:
 
 
 def program(generated: Path) -> Program:
-    """Its program.
+    """Return its program.
 
     :param generated: the folder that the code of its protocol is generated into.
     """

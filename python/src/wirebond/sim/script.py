@@ -107,7 +107,7 @@ class Behaviour:
         return keep
 
     def send(self, name: str, **values: Any) -> None:
-        """One message of the MCU, now."""
+        """Send one message of the MCU, now."""
         self._verify(name, End.MCU)
         self._sending.append((name, values))
 
@@ -125,7 +125,7 @@ class Behaviour:
     # ---- for the virtual MCU
 
     def heard(self, message: Message) -> dict[str, Any]:
-        """Values of its reply."""
+        """Return the values of its reply."""
         values: dict[str, Any] = {}
         for function in self._on.get(message.name, ()):
             values |= self._values(function, message)
@@ -155,7 +155,7 @@ class Behaviour:
         return taken
 
     def mistake(self, error: WirebondError) -> UsageError:
-        """For values that no frame can have: which function gave them is not known any more."""
+        """Make an error of values that no frame can have: the function that gave them is no longer known."""
         return UsageError(f"{self._script}: {error}")
 
     def _values(self, function: Callable[..., Any], argument: object) -> dict[str, Any]:

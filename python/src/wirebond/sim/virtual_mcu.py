@@ -272,7 +272,7 @@ class VirtualMcu:
         self.events.append(f"{whose} is held back by {rule.then} until {until}")
 
     def _reject(self, message: Message, devices: int) -> None:
-        """As an MCU whose handler does not get it: it meets no deadline."""
+        """Reject it as an MCU whose handler does not get it: it meets no deadline."""
         self.rejected += devices
         if message.name not in self._told_rejected:
             self._told_rejected.add(message.name)
@@ -293,7 +293,7 @@ class VirtualMcu:
             return []  # the answer cannot carry this index either
 
     def _answer(self, message: Message, header: dict[str, Any], t: float, said: dict[str, Any]) -> list[bytes]:
-        """``said``: values of the reply that a script gives."""
+        """Answer a request. ``said``: values of the reply that a script gives."""
         hello = self.codec.model.service("hello")
         if hello is not None and message.name == hello.message("message"):
             theirs = message.fields.get("protocol_hash")
@@ -350,7 +350,7 @@ class VirtualMcu:
         return answer | {"value": self._parameters.get(index, initial), "result": 0}
 
     def _clock_us(self, t: float) -> int:
-        """Its own clock, which begins at 0 and has 32 bits."""
+        """Return its own clock, which begins at 0 and has 32 bits."""
         return round((t - self.start) * (1e6 + self.clock_drift)) & 0xFFFFFFFF
 
     @property
@@ -406,7 +406,8 @@ class VirtualMcu:
     # ---- made-up values
 
     def _made_up(self, message: MessageModel, t: float, amounts: Mapping[str, int] | None = None) -> dict[str, Any]:
-        """``amounts``: how many elements a request asked for, of lists that have no more than their ``max``."""
+        """Make values. ``amounts``: how many elements a request asked for, of lists that have no more than their
+        ``max``."""
 
         def wave(phase: int) -> float | None:
             return None if self._is_at_rest else math.sin(2 * math.pi * _WAVE_HZ * (t - self.start) + phase)

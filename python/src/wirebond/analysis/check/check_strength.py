@@ -116,7 +116,7 @@ def _reference(protocol: Protocol, samples: int, seed: int) -> Measured | None:
 
 
 def assess(protocol: Protocol, strength: Strength, places: Places) -> list[Finding]:
-    """At most one finding: the figures that matter, and what it is about this check that lets them through."""
+    """Return at most one finding: the relevant figures, and why this check lets damaged frames pass."""
     frame_format = protocol.format
     place = places.part("check")
     few = {name: strength.faults[name].share for name in FEW_BITS}
@@ -190,7 +190,7 @@ _EFFECTS: dict[str, str] = {
 
 
 def uncovered(protocol: Protocol, places: Places) -> list[Finding]:
-    """Parts that carry meaning and that no check covers, in frames that have one."""
+    """Find parts that carry meaning and that no check covers, in frames that have one."""
     ends = senders(protocol)
     found: dict[tuple[str, str], list[End]] = {}
     for end in ends:

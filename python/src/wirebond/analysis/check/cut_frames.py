@@ -14,7 +14,7 @@ _FRAMES = 256  # of each message
 
 
 def assess(codec: Codec, seed: int, places: Places) -> list[Finding]:
-    """Frames with random values, decoded one by one."""
+    """Decode frames with random values one by one, and report those that are cut short."""
     frame_format = codec.model.format
     is_stuffed = frame_format.stuffing.hides_delimiters and not any(part.is_plain for part in frame_format.parts)
     if frame_format.delimiter is None or is_stuffed:

@@ -44,7 +44,7 @@ class Measured:
 
 
 def wrong_bits(number: int) -> Fault:
-    """Exactly this many wrong bits, anywhere in the frame."""
+    """Make a fault of exactly this many wrong bits, anywhere in the frame."""
 
     def fault(bits: Integers, generator: np.random.Generator) -> Flips:
         places = generator.integers(0, bits[:, None], (len(bits), number))
@@ -76,7 +76,7 @@ def burst(longest: int) -> Fault:
 
 
 def bit_error_rate(rate: float) -> Fault:
-    """Every bit wrong with this chance, in frames that got at least one error."""
+    """Make a fault that inverts every bit with this chance, in frames that get at least one error."""
 
     def fault(bits: Integers, generator: np.random.Generator) -> Flips:
         odds = _chance_of_errors(bits, rate)

@@ -42,7 +42,7 @@ def _finding(example: Example, wrong: tuple[str, str, str], place: Place) -> Fin
 
 
 def _compare(codec: Codec, example: Example, values: dict[str, Any]) -> tuple[str, str, str] | None:
-    """Sentence, reason and remedy; None where the example is right."""
+    """Return sentence, reason and remedy; None if the example is right."""
     try:
         expected = codec.encode(example.message, values, header=dict(example.header), sender=example.sender)
     except MessageError as error:
@@ -108,7 +108,8 @@ def _as_received(codec: Codec, example: Example) -> str:
 
 
 def _part_at(protocol: Protocol, example: Example, index: int) -> str:
-    """` (check)`: the part of the frame that this byte belongs to. Empty for stuffed frames, whose bytes move."""
+    """Return the part of the frame that this byte belongs to, as ` (check)`; empty for stuffed frames, whose bytes
+    move."""
     frame_format = protocol.format
     if frame_format.stuffing != Stuffing.NONE or frame_format.delimiter is not None:
         return ""

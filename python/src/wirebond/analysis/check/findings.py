@@ -36,5 +36,5 @@ class Finding:
 
 
 def worst_first(findings: list[Finding]) -> tuple[Finding, ...]:
-    """By severity, then by place."""
+    """Sort by severity, then by place."""
     return tuple(sorted(findings, key=lambda f: (f.severity.rank, f.line, f.column, f.rule)))

@@ -41,7 +41,7 @@ def has_id(protocol: Protocol) -> bool:
 
 
 def has_header_check(form: Form) -> bool:
-    """Is a check over the length complete before the payload comes?"""
+    """Check whether a check over the length is complete before the payload comes."""
     length = form.length
     return any(
         length is None
@@ -68,7 +68,7 @@ def payload_sizes(form: Form, most: int) -> range | None:
 
 
 def wire_bytes(protocol: Protocol, sender: End, payload: int) -> int:
-    """Bytes that a frame with this many payload bytes takes of the line: its usual form, worst COBS, usual escapes.
+    """Return the bytes of line of a frame with this many payload bytes: its usual form, worst COBS, usual escapes.
 
     Escaping may double a frame; counted is what random content brings. Where silence ends a frame the sender's pause is
     counted, too.

@@ -43,7 +43,7 @@ def assess(codec: Codec, places: Places) -> list[Finding]:
 
 
 def _refused(codec: Codec, given: GivenMessage) -> str:
-    """Why no receiver gets this message; empty: one does."""
+    """Return why no receiver gets this message; empty if one does."""
     try:
         frame = codec.encode(given.message, given.fields, header=dict(given.header), sender=End.HOST)
     except MessageError as error:

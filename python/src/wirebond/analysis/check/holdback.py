@@ -105,7 +105,7 @@ def _false_headers(model: Protocol, sender: End, most: int) -> tuple[Codec, set[
 
 
 def _of_known_messages(model: Protocol, sender: End) -> set[bytes]:
-    """For each form but the usual one, the header of the largest message that it can announce."""
+    """Return, for each form but the usual one, the header of the largest message that it can announce."""
     found = set()
     for form in forms(model, sender)[1:]:
         largest = [
@@ -150,7 +150,7 @@ def _header(form: Form, payload: int, message_id: int) -> bytes:
 
 
 def _bytes_until_delivery(codec: Codec, sender: End, false_header: bytes, good: bytes) -> int:
-    """0 where the first good frame comes out with its own last byte."""
+    """Return how many bytes after its own the first good frame is delivered; 0: with its last byte."""
     decoder = codec.decoder(sender)
     decoder.feed(false_header)
     most = max(form.prefix + form.suffix for form in forms(codec.model, sender)) + codec.model.format.max_payload_from(

@@ -52,7 +52,7 @@ class Budget:
         return max(self.loads, key=lambda load: load.byte_rate, default=None)
 
     def greatest_rate(self, load: Load) -> float:
-        """Frames a second of this kind that fit beside the other loads."""
+        """Return how many frames of this kind per second fit beside the other loads."""
         others = sum(other.byte_rate for other in self.loads if other is not load)
         return max(0.0, self.capacity - others) / load.bytes
 
@@ -74,12 +74,12 @@ class Budget:
 
 
 def byte_rate(link: LinkSettings) -> float:
-    """Bytes a second on the line."""
+    """Return the bytes per second on the line."""
     return link.baud / link.bits_per_byte
 
 
 def _longest(protocol: Protocol, sender: End, message: Message) -> int:
-    """Bytes of line that the message's longest frame takes."""
+    """Return the bytes of line of the message's longest frame."""
     return wire_bytes(protocol, sender, message.max_payload)
 
 

@@ -108,7 +108,7 @@ def _constants_and_checks(form: Form) -> float:
 
 
 def _sizes(form: Form, message: Message) -> tuple[int, int]:
-    """Least and greatest payload of this message on the wire."""
+    """Return the minimum and maximum payload of this message on the wire."""
     return 0 if form.trims_zeros else message.min_payload, message.max_payload
 
 
@@ -134,7 +134,8 @@ def _id_and_size(protocol: Protocol, form: Form, messages: list[Message]) -> flo
 
 
 def _cobs(protocol: Protocol, form: Form, messages: list[Message]) -> float:
-    """For each random byte: it is a zero, and the nonzero bytes before it are a possible result of COBS."""
+    """Return the chance per random byte that it is a zero and the nonzero bytes before it are a possible result of
+    COBS."""
     fixed = form.prefix + form.suffix
     longest = min(_LONGEST_SEGMENT, fixed + protocol.format.max_payload + 1)
     valid = [1.0]  # by length: the chance that this many nonzero bytes are a chain of COBS blocks

@@ -59,7 +59,7 @@ class Report:
         return sum(finding.severity == severity for finding in self.findings)
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON: the findings and all figures, rates in SI units, shares from 0 to 1."""
+        """Return the findings and all figures for JSON: rates in SI units, shares from 0 to 1."""
         zero = self.inserted_zero
         return {
             "findings": [finding.as_dict() for finding in self.findings],

@@ -60,7 +60,7 @@ def assess_deadlines(protocol: Protocol, places: Places) -> list[Finding]:
 
 
 def _fed_by_own_end(protocol: Protocol, places: Places) -> list[Finding]:
-    """Deadlines on messages that the watching end sends, too. With ``echo: true`` a link drops its own frames."""
+    """Find deadlines on messages that the watching end sends, too. With ``echo: true`` a link drops its own frames."""
     found = []
     both = {message.name for message in protocol.messages if message.sender == End.BOTH}
     for index, deadline in enumerate(protocol.deadlines):
@@ -135,7 +135,7 @@ def assess_safety(protocol: Protocol, places: Places) -> list[Finding]:
 
 
 def _outside_the_stop(protocol: Protocol, commands: list[Message], places: Places) -> list[Finding]:
-    """Commands with a physical quantity that every program may send, while the emergency stop holds too."""
+    """Find commands with a physical quantity that every program may send, even during the emergency stop."""
     free = [m for m in commands if not is_controlled(protocol, m) and _has_unit(m.fields)]
     if not free or not protocol.emergency_stop:
         return []
@@ -166,7 +166,7 @@ def _sender_is_fixed(protocol: Protocol, name: str) -> bool:
 
 
 def _is_command(protocol: Protocol, message: Message) -> bool:
-    """Sent by the host, with values, asking for no answer, and no service's."""
+    """Check whether the host sends it with values, without asking for a reply, and not as a service."""
     of_services = {name for service in protocol.services for _, name in service.messages}
     return (
         message.sender == End.HOST

@@ -33,7 +33,7 @@ class InsertedZero:
 
 
 def measure_inserted_zero(codec: Codec, seed: int) -> InsertedZero | None:
-    """One more zero before or behind the content of each frame. None for frames without stuffing.
+    """Insert one more zero before or after the content of each frame. Returns None for frames without stuffing.
 
     Under COBS that is one byte 0x01 on the wire; a delimiter whose lowest bit flips has the same effect.
     """
@@ -79,7 +79,8 @@ def _stuffed_zero(frame_format: FrameFormat) -> bytes:
 
 
 def explains_damage(protocol: Protocol, found: InsertedZero | None) -> bool:
-    """Is the inserted zero what lets damaged frames pass? A long CRC sees the rest; `assess` tells of this one."""
+    """Check whether the inserted zero is why damaged frames pass: a long CRC detects the rest. Then `assess` reports
+    it."""
     checks = [part for part in protocol.format.parts if part.kind == PartKind.CHECK]
     long_crc = any(
         p.algorithm is not None and p.algorithm.kind == CheckKind.CRC and p.algorithm.width >= 16 for p in checks

@@ -6,12 +6,12 @@ _UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "us"))
 
 
 def count(number: float) -> str:
-    """`181 818`: groups of three, no decimals."""
+    """Write a number without decimals in groups of three: `181 818`."""
     return f"{number:,.0f}".replace(",", " ")
 
 
 def percent(share: float) -> str:
-    """`72.6 %`, `0.0015 %`: three digits at most, never rounded to nothing."""
+    """Write a share with at most three digits, never rounded to nothing: `72.6 %`, `0.0015 %`."""
     value = 100 * share
     if value == 0:
         return "0 %"
@@ -23,13 +23,13 @@ def percent(share: float) -> str:
 
 
 def seconds(value: float) -> str:
-    """`1.3 ms`, `200 us`, `2 s`."""
+    """Write a duration: `1.3 ms`, `200 us`, `2 s`."""
     unit, name = next(((u, n) for u, n in _UNITS if value >= u), _UNITS[-1])
     return f"{float(f'{value / unit:.3g}'):g} {name}"
 
 
 def rate(per_second: float) -> str:
-    """`3 992/s`, `0.5/s`."""
+    """Write a rate: `3 992/s`, `0.5/s`."""
     return f"{count(per_second)}/s" if per_second >= 10 else f"{per_second:.2g}/s"
 
 

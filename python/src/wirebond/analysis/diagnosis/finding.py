@@ -38,7 +38,7 @@ class Diagnosis:
     remedy: str
 
     def as_dict(self) -> dict[str, str]:
-        """For JSON.
+        """Return it as a dictionary for JSON.
 
         :returns: the attributes by name.
         """

@@ -93,12 +93,12 @@ def diagnose_dump(dump: Dump, baud: int, seconds: float = math.inf) -> list[Diag
 
 
 def _peer(dump: Dump) -> End:
-    """Whose bytes are received."""
+    """Return the end whose bytes are received."""
     return End.MCU if dump.role == End.HOST else End.HOST
 
 
 def _silence(dump: Dump) -> list[Diagnosis]:
-    """No byte any more, although the other end should send or was asked."""
+    """Find silence: no byte any more, although the other end should send or was asked."""
     signs = [p.t for p in dump.pieces if p.kind in ("port_up", "received")]
     if not signs or dump.pieces[-1].kind == "port_down" or dump.t - signs[-1] < _SILENT:
         return []
@@ -143,7 +143,7 @@ def _echo(dump: Dump) -> Diagnosis | None:
 
 
 def _collisions(dump: Dump) -> Diagnosis | None:
-    """Frames that did not come back as they were sent, on a line that echoes."""
+    """Find frames that did not come back as they were sent, on a line that echoes."""
     collided = sum(piece.kind == "port_collision" for piece in dump.pieces)
     if collided < _LEAST:
         return None
@@ -227,7 +227,7 @@ def _two_writers(codec: Codec, received: list[DumpEntry], peer: End) -> Diagnosi
 
 
 def _lost_reads(dump: Dump, received: list[DumpEntry]) -> Diagnosis | None:
-    """Damage lies where a read that was full ends: what came behind it was lost."""
+    """Find damage at the end of full reads: the bytes after them were lost."""
     reads = [p for p in dump.pieces if p.kind == "received"]
     size = next((s for s in _FULL_READS if sum(len(p.bytes) % s == 0 for p in reads) > 0.3 * len(reads)), None)
     if size is None or len(reads) < 2 * _LEAST:
@@ -275,7 +275,7 @@ def _other_format(codec: Codec, received: list[DumpEntry], peer: End) -> Diagnos
 
 
 def _runs(received: list[DumpEntry]) -> list[bytes]:
-    """Discarded bytes that lie together, over the ends of reads."""
+    """Join discarded bytes that are next to each other, also across reads."""
     runs: list[bytes] = []
     is_open = False
     for entry in received:

@@ -11,7 +11,7 @@ from wirebond.protocol.model import End
 
 
 def own_entries(entries: Sequence[DumpEntry], others: Sequence[Codec], sender: End) -> list[DumpEntry]:
-    """Without the bytes of other protocols' frames, which are nothing wrong.
+    """Remove the bytes of other protocols' frames, which are not faults.
 
     :param entries: all that was received, in the order of the line.
     :param sender: who sends it.

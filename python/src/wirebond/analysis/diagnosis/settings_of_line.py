@@ -29,7 +29,7 @@ _FEW_VALUES = 12
 
 
 def parity_of_seven_bits(data: bytes) -> Diagnosis | None:
-    """Bytes of 7 bits and a parity bit, read as 8 bits: the number of ones is always even, or always odd."""
+    """Detect bytes of 7 bits and a parity bit, read as 8 bits: the number of ones is always even, or always odd."""
     if len(data) < _LEAST_BYTES or len(set(data)) < _FEW_VALUES:
         return None
     odd = sum(byte.bit_count() & 1 for byte in data)
@@ -101,14 +101,14 @@ def _frames(codec: Codec, peer: End) -> list[bytes]:
 
 
 def _entropy(data: bytes) -> float:
-    """Bits a byte, where each value is as likely as it is frequent."""
+    """Return the entropy of these byte values, in bits per byte."""
     if not data:
         return 0.0
     return -sum(count / len(data) * math.log2(count / len(data)) for count in Counter(data).values())
 
 
 def _fit(data: bytes, frames: list[bytes], sent: tuple[int, Parity], heard: tuple[int, Parity]) -> float:
-    """Bits a byte by which the byte values that such a line gives explain these better than 256 equal ones."""
+    """Return by how many bits per byte the values of such a line explain these bytes better than 256 equal ones."""
     offsets = list(itertools.accumulate((len(frame) for frame in frames), initial=0))
     counts = Counter(misread(b"".join(frames), sent, heard, offsets))
     total = sum(counts.values())

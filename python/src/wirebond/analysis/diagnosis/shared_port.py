@@ -8,7 +8,7 @@ from wirebond.link.dump import Dump
 
 
 def changed_settings(dump: Dump) -> Diagnosis | None:
-    """Another program has changed the settings of the port, and the link has put them back."""
+    """Detect that another program has changed the settings of the port; the link has restored them."""
     times = sum(piece.kind == "port_settings" for piece in dump.pieces)
     if not times:
         return None
@@ -22,7 +22,7 @@ def changed_settings(dump: Dump) -> Diagnosis | None:
 
 
 def other_readers(tty: str) -> Diagnosis | None:
-    """Other programs have the port open now.
+    """Detect other programs that have the port open now.
 
     :param tty: its path.
     """

@@ -9,8 +9,8 @@ from wirebond.protocol.planning import plan_for
 
 
 def misses(sent: Protocol, read: Protocol, sender: End) -> str:
-    """Why a receiver does not act on what a sender sends with its file's values, or acts on more; empty if it does as
-    the sender means it. Addresses that a program sets at run time are not known here."""
+    """Return why a receiver does not act on a sender's frames with its file's values, or acts on more; empty if it acts
+    as intended. Addresses that a program sets at run time are not known here."""
     sending, reading = plan_for(sent, sender), plan_for(read, sender)
     receiver = end_name(End.MCU if sender == End.HOST else End.HOST)
     if reading.address is None:
@@ -31,7 +31,7 @@ def misses(sent: Protocol, read: Protocol, sender: End) -> str:
 
 
 def strangers(sent: Protocol, read: Protocol, sender: End) -> str:
-    """Why a host does not take an MCU's replies: they come from another address than it asks."""
+    """Return why a host ignores an MCU's replies: they come from another address than it asks."""
     if sender != End.MCU or not _has_replies(read):
         return ""
     sending, reading = plan_for(sent, sender), plan_for(read, sender)

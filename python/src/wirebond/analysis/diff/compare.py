@@ -48,7 +48,7 @@ def compare(old: Protocol, new: Protocol) -> Comparison:
 
 
 def _without_order_of_a_byte(protocol: Protocol) -> Protocol:
-    """`byte_order` of the file stands at each number, also where it is one byte."""
+    """Remove `byte_order` from numbers of one byte; the file's order is stored at each number."""
 
     def plain_match(match: Match) -> Match:
         if match.place is None or match.place.bytes > 1:

@@ -17,7 +17,7 @@ from wirebond.protocol.spelling import field_type, how_counted
 
 
 def field_changes(old: Fields, new: Fields, where: Where) -> Iterator[Change]:
-    """All changes from ``old`` to ``new``, in wire order."""
+    """Yield all changes from ``old`` to ``new``, in wire order."""
     matcher = SequenceMatcher(None, [_key(f) for f in old], [_key(f) for f in new], autojunk=False)
     moved = _moved(old, new, matcher)
     for name in moved:
@@ -51,7 +51,7 @@ def _moved(old: Fields, new: Fields, matcher: SequenceMatcher[str]) -> list[str]
 
 
 def _bytes(fields: Sequence[Field]) -> int | None:
-    """Wire bytes of fields that do not vary in size."""
+    """Return the wire bytes of fields of fixed size; None if one varies."""
     return None if any(f.is_variable for f in fields) else sum(f.min_wire_bytes for f in fields)
 
 
@@ -70,7 +70,7 @@ def _listed(fields: Sequence[Field]) -> str:
 
 
 def _other_fields(before: Fields, after: Fields, where: Where) -> Iterator[Change]:
-    """Fields that came, went, or took the place of others."""
+    """Compare fields that were added, were removed, or replaced others."""
     size, new_size = _bytes(before), _bytes(after)
     keeps_size = before and after and size is not None and size == new_size
     if keeps_size and all(not f.has_value and f.constant is None for f in before):
@@ -102,7 +102,8 @@ def _bytes_text(number: int) -> str:
 
 
 def _in_place_of_zeros(fields: Fields, where: Where, *, is_new: bool) -> Iterator[Change]:
-    """Values where padding was, or padding where they were: nothing moves, and zeros are read for them."""
+    """Compare values that replaced padding, or padding that replaced values: nothing moves, and zeros are read for
+    them."""
     named = [f for f in fields if f.has_value]
     for field in named:
         at = where.at(field.name, is_last=False)
@@ -288,7 +289,7 @@ def _other_bound(most: int, next_most: int, noun: str, where: Where) -> Change:
 
 
 def _bit_field_changes(a: Field, b: Field, where: Where) -> Iterator[Change]:
-    """Values that share one number: each has its own place, and bits that are left over are zeros."""
+    """Compare values that share one number: each has its own place, and unused bits are zeros."""
     before, after = _runs(a), _runs(b)
     for name, run in after.items():
         field = run.field
@@ -328,7 +329,7 @@ def _bit_field_changes(a: Field, b: Field, where: Where) -> Iterator[Change]:
 
 
 def _other_width(a: Field, b: Field, where: Where) -> Change:
-    """More or fewer bits from the same lowest one on: small numbers are the same."""
+    """Describe more or fewer bits from the same lowest one on: small numbers are the same."""
     effects = []
     for sides in where.routes:
         sent, read = (b, a) if sides.flow.from_new else (a, b)
@@ -343,7 +344,7 @@ def _runs(field: Field) -> dict[str, BitMember]:
 
 
 def _meet(one: BitMember, other: BitMember) -> bool:
-    """Have two values bits in common?"""
+    """Check whether two values have bits in common."""
     return any(a < b + size and b < a + width for a, width in one.pieces for b, size in other.pieces)
 
 

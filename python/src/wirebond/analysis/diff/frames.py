@@ -27,7 +27,7 @@ def frame_changes(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterator
 
 
 def _around(old: FrameFormat, new: FrameFormat, routes: list[Sides]) -> Iterator[Change]:
-    """Delimiters, stuffing, silence; then what a receiver takes for a frame."""
+    """Compare delimiters, stuffing and silence, then how a receiver finds frames."""
     envelopes = [(f.delimiter, f.opening, f.stuffing, f.escapes, f.insertion, f.ends_by_silence) for f in (old, new)]
     if envelopes[0] != envelopes[1]:
         effects = []
@@ -127,7 +127,7 @@ def _identity(parts: tuple[Part, ...], index: int) -> str:
 
 
 def _single(before: tuple[Part, ...], after: tuple[Part, ...], step: _Step) -> list[_Step]:
-    """Part by part where as many came as went. A check among shared bits stays with the part that has them."""
+    """Compare part by part if their number is the same. A check among shared bits stays with their part."""
     count = step.b - step.a
     has_runs = any(part.in_bits is not None for part in (*before[step.a : step.b], *after[step.c : step.d]))
     if count != step.d - step.c or has_runs:
@@ -181,7 +181,7 @@ def _with_step(old: Protocol, new: Protocol, step: _Step) -> Protocol | None:
 
 
 def _breaks(sent: Protocol, read: Protocol, sender: End) -> str:
-    """Why a receiver does not take the frames that a sender sends by default, or not for its own; empty if it does."""
+    """Return why a receiver refuses or ignores a sender's default frames; empty if it accepts them."""
     sending, reading = plan_for(sent, sender), plan_for(read, sender)
     taken = [_shape(form, reading) for form in reading.forms]
     own = [_shape(form, sending) for form in _sent_forms(sending)]
@@ -194,7 +194,7 @@ def _breaks(sent: Protocol, read: Protocol, sender: End) -> str:
 
 
 def _loses_others(sent: Protocol, read: Protocol, sender: End) -> str:
-    """Why a receiver does not take the frames that a sender sends where its program asks for other header values."""
+    """Return why a receiver refuses a sender's frames with other header values than the defaults."""
     sending, reading = plan_for(sent, sender), plan_for(read, sender)
     taken = [_shape(form, reading) for form in reading.forms]
     lost = any(_shape(form, sending) not in taken for form in sending.forms)

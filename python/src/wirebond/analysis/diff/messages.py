@@ -51,7 +51,7 @@ def _renamed(before: dict[str, Message], after: dict[str, Message]) -> dict[str,
 
 
 def _alike(one: tuple[Field, ...], other: tuple[Field, ...]) -> bool:
-    """Is the layout the same, whatever the names?"""
+    """Check whether the layout is the same, whatever the names."""
     return [_layout(f) for f in one] == [_layout(f) for f in other]
 
 

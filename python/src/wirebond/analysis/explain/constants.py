@@ -20,7 +20,8 @@ class FoundConstant:
 
 
 def constants_of(message: Message, payload: bytes) -> list[FoundConstant]:
-    """In wire order. What a count of the payload moves beyond its end is not there, and does not hold."""
+    """Return the constants in wire order. One that a count moves beyond the payload's end is missing, and does not
+    hold."""
     walk = _Walk(payload)
     walk.read(message.layout, "")
     return walk.found
@@ -88,7 +89,7 @@ class _Walk:
 
 
 def constant_text(one: Field, number: int) -> str:
-    """``0x5A``; of bits ``5``; of a string its bytes."""
+    """Write the constant: ``0x5A``; of bits ``5``; of a string its bytes."""
     if one.bits:
         return str(number)
     if one.size <= 8:

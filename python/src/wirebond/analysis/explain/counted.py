@@ -26,7 +26,7 @@ class CountedBound:
 
 
 def bound_by_counts(message: Message, payload: bytes) -> CountedBound | None:
-    """None where no count bounds it, or one of them is not there."""
+    """Return the bound of a payload by its counts; None if no count bounds it, or one of them is missing."""
     walk = _Walk(payload)
     try:
         most = walk.read(message.layout, "")

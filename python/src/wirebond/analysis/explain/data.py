@@ -8,7 +8,7 @@ from wirebond.analysis.explain.report import Explanation, Stretch
 
 
 def explanation_dict(explanation: Explanation) -> dict[str, Any]:
-    """Bytes stay bytes here; who writes JSON makes them hex."""
+    """Return the explanation as a dictionary. Bytes stay bytes; a writer of JSON makes them hex."""
     return {
         "protocol": explanation.protocol,
         "sender": explanation.sender,

@@ -206,7 +206,8 @@ class _Examination:
             raise missing
 
     def _size_choices(self, size: int, extent: int) -> None:
-        """Conditions on the payload's size; where the frame's end is found otherwise they only choose what is sent."""
+        """Apply conditions on the payload's size. If the frame's end is found otherwise, they only choose the sent
+        form."""
         payload = self.parts[self.shape.payload_at]
         if payload.payload == PayloadRule.REST:
             return
@@ -219,7 +220,7 @@ class _Examination:
                 self._rule(Question.CONDITION, None, holds, expected, found, Cause.LENGTH_OUT_OF_RANGE, extent)
 
     def _constant(self, index: int, start: int, extent: int) -> None:
-        """Bytes, or bits, that cannot vary: each as soon as its byte is there."""
+        """Check bytes or bits that cannot vary, each as soon as its byte is there."""
         constant = self.shape.constants[index]
         if constant is None:
             return
@@ -244,7 +245,8 @@ class _Examination:
         return f"0x{value:0{digits}X} in the bits 0x{mask:0{digits}X}", f"0x{number & mask:0{digits}X}"
 
     def _read_id(self, places: list[tuple[int, int]], size: int, payload: bytes = b"") -> None:
-        """And what message it is, with what else tells that: ``size`` and ``payload``, as far as they are known."""
+        """Read the id, and find the message by it and by other conditions. ``size`` and ``payload``: as far as they are
+        known."""
         index = self.shape.id_at
         self.id = 0
         if index is not None:
@@ -263,7 +265,7 @@ class _Examination:
         self.message = next((m for m in meant if told.is_of(m)), None)
 
     def _header_numbers(self, places: list[tuple[int, int]]) -> dict[str, int]:
-        """Those of the parts that are there, as bits."""
+        """Return the header fields of the received parts, as bits."""
         found: dict[str, int] = {}
         for part, (start, stop) in zip(self.parts, places, strict=False):
             if stop > len(self.data) or not header_of(part):
@@ -406,7 +408,7 @@ class _Examination:
             self._rule(Question.MESSAGE, self.shape.id_at, holds, expected, str(size), Cause.UNKNOWN_MESSAGE, extent)
 
     def _field_constants(self, start: int, size: int, extent: int) -> None:
-        """Those of a message whose payload is long enough; a shorter one is of an unknown message."""
+        """Check the constants of a message whose payload is long enough; a shorter one is of an unknown message."""
         message = self.message
         trims = self.parts[self.shape.payload_at].trims_zeros
         if message is None or (size < message.min_payload and not trims):

@@ -178,7 +178,7 @@ class _Stretches:
         return tuple(sorted((*marks, *rows), key=lambda row: row.offset))
 
     def _fill(self) -> list[Stretch]:
-        """Delimiters side by side are one stretch."""
+        """Make one stretch of delimiters that are next to each other."""
         found: list[Stretch] = []
         for at in self._scan.fill:
             wire = self._data[at : at + 1]
@@ -191,7 +191,7 @@ class _Stretches:
     # ---- refused bytes ----
 
     def _refused_runs(self) -> list[_Refused]:
-        """Discarded bytes, each run with the candidate that it begins with.
+        """Group discarded bytes into runs, each with the candidate at its beginning.
 
         A candidate begins a run of its own where the one before claims no more bytes, and only if it got past its
         header or the run before could have held a frame: else garbage would fall into crumbs.
@@ -224,7 +224,7 @@ class _Stretches:
         return Case(self._protocol, block, self._sender, self._peers, begin)
 
     def _searches(self, runs: Sequence[_Refused], cases: Sequence[Case]) -> list[Search]:
-        """For each run. Nothing is searched where fewer bytes are than a frame has, and nothing in them begins one."""
+        """Search an explanation for each run, except runs shorter than a frame in which no frame begins."""
         searches = [Search((), 0, True)] * len(cases)
         asked: list[int] = []
         for index, (run, case) in enumerate(zip(runs, cases, strict=True)):
@@ -271,7 +271,7 @@ class _Stretches:
         )
 
     def _noise(self, run: _Refused, wire: bytes, case: Case, search: Search) -> Stretch:
-        """Bytes in which nothing begins a frame. They are laid out as one only where that explains them."""
+        """Explain bytes in which no frame begins. They are laid out as a frame only if that explains them."""
         rows: tuple[Row, ...] = (_nameless(run.start, wire),)
         if search.guesses and case.verdict is not None:
             rows = self._rows(case, case.verdict, plain(wire), run.start)

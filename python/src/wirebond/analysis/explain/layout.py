@@ -42,7 +42,7 @@ def id_index(parts: tuple[Part, ...]) -> int | None:
 
 
 def id_text(parts: tuple[Part, ...], number: int) -> str:
-    """With as many digits as the id has on the wire."""
+    """Write the id with as many digits as it has on the wire."""
     index = id_index(parts)
     return f"0x{number:0{2 * parts[index].size if index is not None else 2}X}"
 
@@ -65,7 +65,7 @@ def spans(parts: tuple[Part, ...], payload_size: int) -> list[tuple[int, int]]:
 
 
 def counted_beside_payload(parts: tuple[Part, ...], index: int) -> int:
-    """Bytes that the length part at ``index`` counts besides the payload, its offset included."""
+    """Return how many bytes the length part at ``index`` counts besides the payload, its offset included."""
     part = parts[index]
     follows = sum(p.size for p in parts[index + 1 :])
     return (
@@ -129,7 +129,7 @@ def check_value(part: Part, covered: bytes, seed: int) -> bytes:
 
 
 def same_check(part: Part, expected: bytes, found: bytes) -> bool:
-    """Hex digits may be of either case."""
+    """Compare two check values; hex digits may be of either case."""
     return found.upper() == expected if part.as_hex else found == expected
 
 
@@ -140,7 +140,7 @@ def shown_check(part: Part, value: bytes) -> str:
 
 
 def fixed_bits(part: Part, choices: tuple[Choice, ...]) -> tuple[int, int]:
-    """Mask and value of the bits of a number part that cannot vary in this form."""
+    """Return mask and value of the bits of a number part that cannot vary in this form."""
     mask = value = 0
     for run in part.bits:
         if run.role == BitRole.CONSTANT:

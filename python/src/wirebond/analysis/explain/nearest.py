@@ -128,7 +128,7 @@ def search_all(cases: Sequence[Case], stream: Stream, *, quick: bool) -> list[Se
 
 
 def search_sender(case: Case) -> Search:
-    """For a frame whose checks hold and whose message is not known: does the other end send such a one?"""
+    """Check whether the other end sends such a frame. For one whose checks hold and whose message is not known."""
     hunt = _Hunt(case)
     hunt.run(_Family(0.30, format.other_sender, Changes.SENDER), case)
     known = tuple(guess for guess in hunt.result().guesses if guess.reading)
@@ -204,7 +204,7 @@ def _solve(hunts: Sequence[_Hunt], *, thorough: bool) -> None:
 
 
 def _judge(hunts: Sequence[_Hunt], stream: Stream) -> dict[str, Together]:
-    """Each change to the file that fits a frame, on all the bytes; those that fit most of the candidates first."""
+    """Test on all bytes each change to the file that fits a frame; those that fit most candidates come first."""
     hits: dict[str, _Hit] = {}
     counts: Counter[str] = Counter()
     for hunt in hunts:
@@ -259,7 +259,7 @@ class _Hunt:
             self._take(family, guess, case, fitting, tried, evidence(fitting[0], before))
 
     def add(self, family: _Family, guess: Guess, tried: int, values: int) -> None:
-        """One that was found in another way, if it fits. ``tried``, ``values``: as of a hit."""
+        """Add one that was found otherwise, if it fits. ``tried``, ``values``: as of a hit."""
         fitting = test(guess)
         if fitting is not None:
             self._take(family, guess, self.case, fitting, tried, values)
@@ -271,7 +271,8 @@ class _Hunt:
         self.hits.append(_Hit(family, guess, what, remedy, reading(verdict, data), tried, values, keeps))
 
     def result(self, judged: Mapping[str, Together] | None = None) -> Search:
-        """``judged``: how changes to the file fit all the bytes; without, each is judged by this candidate alone."""
+        """Return the result. ``judged``: how changes to the file fit all the bytes; without it, each is judged by this
+        candidate alone."""
         told: list[tuple[float, FittingGuess]] = []
         missing = _what_is_missing(self.case)
         if missing is not None:
@@ -305,7 +306,7 @@ class _Hunt:
 
 
 def _worth_telling(found: list[tuple[float, FittingGuess]]) -> tuple[FittingGuess, ...]:
-    """``found`` in the order of the families, which decides where chance does not."""
+    """Select guesses to report. ``found``: in the order of the families, which decides between equally likely ones."""
     ranked = sorted(found, key=lambda entry: (-entry[1].fits, -round(entry[0], 2)))
     plausible = [guess for rank, guess in ranked if rank >= LEAST_PLAUSIBLE]
     # A check that holds as the file has it is no reason to change it.
@@ -319,7 +320,7 @@ def _worth_telling(found: list[tuple[float, FittingGuess]]) -> tuple[FittingGues
 
 
 def _what_is_missing(case: Case) -> FittingGuess | None:
-    """Not a guess: the frame is good as far as it goes."""
+    """Report an incomplete frame: not a guess, it is good as far as it goes."""
     verdict = case.verdict
     if verdict is None or verdict.outcome != Outcome.INCOMPLETE:
         return None

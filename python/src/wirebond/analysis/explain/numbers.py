@@ -18,14 +18,14 @@ def raw_number(field: Field, data: bytes) -> int:
 
 
 def packed_number(data: bytes, bit: int, width: int, order: BitOrder) -> int:
-    """``width`` bits from place ``bit`` on of a string of bits that begins at this end of each byte."""
+    """Read ``width`` bits from bit ``bit`` on of a string of bits that begins at this end of each byte."""
     if order == BitOrder.LOW:
         return int.from_bytes(data, "little") >> bit & (1 << width) - 1
     return int.from_bytes(data, "big") >> 8 * len(data) - bit - width & (1 << width) - 1
 
 
 def number_of(field: Field, raw: int) -> ReadNumber:
-    """One number by its bits: its value, in words, and the rule that it breaks."""
+    """Read one number from its bits: its value, the value as text, and the rule that it breaks."""
     if field.value_type is bool:
         return raw != 0, "true" if raw else "false", "" if raw <= 1 else f" is {raw}; a bool is 0 or 1"
     if field.is_float:
@@ -82,7 +82,7 @@ def _float(field: Field, raw: int) -> ReadNumber:
 
 
 def scaled(field: Field, wire: float) -> float:
-    """In doubles and in this order, so that it is the engine's value to the last bit: `to_si` in engine/element.hpp.
+    """Scale in doubles and in this order, to equal the engine's value to the last bit: `to_si` in engine/element.hpp.
     tests/test_scaled_values.py compares the two."""
     numerator, addend, denominator, offset = field.double_factors
     if field.is_float:  # adding a zero would take the sign of another

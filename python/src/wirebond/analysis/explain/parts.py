@@ -131,12 +131,12 @@ def _there(part: Part) -> str:
 
 
 def sent_by(message: Message) -> str:
-    """``from the host``, ``from either end``."""
+    """Name the sender: ``from the host``, ``from either end``."""
     return "from either end" if message.sender == End.BOTH else f"from the {spoken(message.sender)}"
 
 
 def check_text(parts: tuple[Part, ...], part: Part) -> str:
-    """``sum16 high byte over id..payload``."""
+    """Name a check and its range: ``sum16 high byte over id..payload``."""
     assert part.algorithm is not None
     name = part.algorithm.name
     if part.in_bits is None and part.check_bits < part.algorithm.width:
@@ -230,7 +230,7 @@ def _sequence(context: Context) -> str:
 
 
 def _bits(context: Context) -> str:
-    """Each run, from the lowest bit up."""
+    """List the runs of bits, from the lowest up."""
     number = context.number
     texts = []
     for run in context.part.bits:

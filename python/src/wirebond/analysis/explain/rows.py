@@ -19,7 +19,8 @@ def rows_of(
     content: Unstuffed,
     offset: int,
 ) -> tuple[Row, ...]:
-    """``verdict`` says what holds; ``second_look`` where the payload lies, which may be known from a second look.
+    """Return the rows of a frame. ``verdict`` says which rules hold; ``second_look`` where the payload is, if that was
+    found later.
 
     ``offset``: where the content's block begins in all that was given.
     """

@@ -65,7 +65,7 @@ class Scan:
 
 
 def scan(protocol: Protocol, stream: bytes, sender: End | None) -> Scan:
-    """Everything in ``stream``, as if nothing ever followed it."""
+    """Scan all of ``stream``, as if nothing ever followed it."""
     frame_format = protocol.format
     if frame_format.ends_by_silence:
         return _between_silences(protocol, stream, sender)
@@ -176,7 +176,8 @@ def _between_delimiters(protocol: Protocol, stream: bytes, sender: End | None, d
 
 
 def _in_brackets(protocol: Protocol, stream: bytes, sender: End | None, opening: bytes, closing: bytes) -> Scan:
-    """Each opening delimiter begins a candidate, also one within a candidate that failed."""
+    """Scan frames between an opening and a closing delimiter. Each opening one begins a candidate, also within a failed
+    one."""
     result = Scan()
     blame: Candidate | None = None
     at = 0
@@ -227,7 +228,7 @@ def _examine_bracket(
 
 
 def _between_silences(protocol: Protocol, stream: bytes, sender: End | None) -> Scan:
-    """Bytes without times are one block."""
+    """Scan frames between silences. Bytes without times are one block."""
     result = Scan()
     if not stream:
         return result

@@ -12,7 +12,8 @@ _MOST = 4  # messages that are listed
 
 
 def sharing(protocol: Protocol, sender: End | None, number: int | None) -> list[Message]:
-    """Those of this sender with the id ``number`` (None: without an id), if `match` tells them apart."""
+    """Return the messages of this sender with the id ``number`` (None: without an id), if `match` distinguishes
+    them."""
     found = [
         message
         for message in protocol.messages
@@ -24,7 +25,7 @@ def sharing(protocol: Protocol, sender: End | None, number: int | None) -> list[
 
 
 def wanted_text(messages: Sequence[Message]) -> str:
-    """``stop (command 1), run (command 2, 5..9)``."""
+    """List messages with their conditions: ``stop (command 1), run (command 2, 5..9)``."""
     texts = [f"{message.name} ({', '.join(match_texts(message)) or 'all'})" for message in messages]
     left = len(texts) - _MOST
     return ", ".join(texts if left <= 1 else [*texts[:_MOST], f"{left} more"])

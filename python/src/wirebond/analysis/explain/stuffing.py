@@ -32,7 +32,7 @@ def plain(block: bytes) -> Unstuffed:
 
 
 def unstuff(frame_format: FrameFormat, block: bytes) -> Unstuffed | Impossible:
-    """``block``: the bytes between two delimiters."""
+    """Undo the stuffing of ``block``, the bytes between two delimiters."""
     front, back = plain_sizes(frame_format)
     if len(block) < front + back:
         return Impossible(0, f"{len(block)} bytes, and {front + back} are beside the stuffed ones")
@@ -48,7 +48,7 @@ def unstuff(frame_format: FrameFormat, block: bytes) -> Unstuffed | Impossible:
 
 
 def plain_sizes(frame_format: FrameFormat) -> tuple[int, int]:
-    """Bytes before and behind the stuffed ones, which are sent as they are."""
+    """Return how many bytes before and after the stuffed ones are sent as they are."""
     front = sum(part.size for part in takewhile(lambda part: part.is_plain, frame_format.parts))
     back = sum(part.size for part in takewhile(lambda part: part.is_plain, reversed(frame_format.parts)))
     return front, back
@@ -162,7 +162,7 @@ def _hex(frame_format: FrameFormat, data: bytes) -> bytes:
 
 
 def _digits_alone(frame_format: FrameFormat) -> int:
-    """1 where the first digit is a byte."""
+    """Return how many digits are a byte of their own: 1 if the first one is, otherwise 0."""
     return int(frame_format.stuffing == Stuffing.HEX_AFTER_DIGIT)
 
 

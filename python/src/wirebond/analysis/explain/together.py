@@ -53,7 +53,7 @@ class Stream:
         self._good = {(found.offset, found.size) for found in before.frames}
 
     def by(self, guess: Guess) -> Together:
-        """One pass over all bytes. Frames without a check that proves something are not counted."""
+        """Judge in one pass over all bytes. Frames without a strong check are not counted."""
         found = scan(guess.protocol, self._data, guess.sender)
         frames = {(one.offset, one.size) for one in found.frames}
         won = [one for one in found.frames if (one.offset, one.size) not in self._good and _proves(one)]

@@ -56,12 +56,12 @@ def read_fields(message: Message, payload: bytes) -> list[Reading]:
 
 
 def values_of(readings: Iterable[Reading]) -> dict[str, Any]:
-    """By name, as the Python API gives them."""
+    """Return the values by name, as the Python API gives them."""
     return {reading.name: reading.value for reading in readings if reading.field.has_value}
 
 
 def faults_of(readings: Iterable[Reading], path: str = "") -> list[str]:
-    """Every broken field rule: ``points[1].x is outside -1 to 1 m``."""
+    """List every broken field rule: ``points[1].x is outside -1 to 1 m``."""
     found = []
     for reading in readings:
         found += [f"{path}{reading.name}{fault}" for fault in reading.faults]
@@ -70,7 +70,7 @@ def faults_of(readings: Iterable[Reading], path: str = "") -> list[str]:
 
 
 def values_text(readings: Iterable[Reading]) -> str:
-    """``linear 0.5 m/s, angular 0 rad/s``, shortened where there is much."""
+    """Write the values, shortened if there are many: ``linear 0.5 m/s, angular 0 rad/s``."""
     texts = [f"{r.name} {_short(r)}" for r in readings if r.field.has_value]
     text = ", ".join(texts)
     return text if len(text) <= _MOST_TEXT else f"{text[:_MOST_TEXT]}…"
@@ -244,7 +244,7 @@ def _decimal_number(sign: str, whole: str, behind: str | None, decimals: int) ->
 
 
 def _string(walk: _Walk, field: Field, promised: int | None) -> tuple[bytes, tuple[str, ...]]:
-    """Its bytes with the one that ends it, and what is wrong."""
+    """Read a string: its bytes with the one that ends it, and its faults."""
     if field.size:
         return walk.take(field.size), ()
     most = min(field.max_size, walk.spare)

@@ -41,11 +41,11 @@ class Background:
         return min(1.0, sum(self.counts[value] + 0.5 for value in values) / (self.size + 128))
 
     def mean_bits(self, data: bytes) -> float:
-        """Bits that an average byte of ``data`` takes."""
+        """Return the bits of an average byte of ``data``."""
         return sum(map(self.bits.__getitem__, data)) / len(data)
 
     def masked_bits(self, value: int, mask: int) -> float:
-        """Bits that are saved where these bits of a byte are known."""
+        """Return the bits saved if these bits of a byte are known."""
         return -math.log2(self.share([byte for byte in range(256) if byte & mask == value]))
 
 
@@ -67,7 +67,7 @@ class Worth:
         self._closing = sum(over.bits[byte] for byte in plan.closing)
 
     def of(self, raw: bytes, is_known: bool) -> float:
-        """Bits that one frame saves. Of several forms the one that saves least counts, of those that fit."""
+        """Return the bits saved by one frame. If several forms fit, the one that saves least counts."""
         mean = self._over.mean_bits(raw)
         content = len(raw)
         saved = 0.0
@@ -109,7 +109,8 @@ class _FormWorth:
         )
 
     def of(self, mean: float, is_known: bool) -> float:
-        """``mean``: bits of an average byte of the frame. A check counts as many such bytes as it has."""
+        """Return the evidence of the frame's checks. ``mean``: bits of an average byte of the frame; a check byte
+        counts as much."""
         determined = self._checks + self._told / _BYTE_BITS
         return self._constants + determined * mean - (self._known if is_known else self._any)
 
@@ -127,7 +128,7 @@ def _id_choices(message: Message) -> int:
 
 
 def _stuffing_bits(protocol: Protocol, plan: Plan, over: Background) -> float:
-    """Bits that each byte between the delimiters saves, because it is one that may stand there."""
+    """Return the bits saved by each byte between the delimiters, because its value is allowed there."""
     frame_format = protocol.format
     wrong = 0.0
     rule = frame_format.escapes
@@ -153,13 +154,13 @@ def _missing_insertion(rule: Insertion, over: Background) -> float:
 
 
 def cost_of_places(frames: int, other_bytes: int) -> float:
-    """Bits that say where the frames lie: how many of them, and in which order with the bytes that belong to none."""
+    """Return the bits that encode the places of the frames: their number, and their order among the other bytes."""
     total = frames + other_bytes
     return _log2_choose(total, frames) + math.log2(total + 1)
 
 
 def cost_of_kinds(known: int, others: int) -> float:
-    """Bits that say which of the frames are of messages that the file lists."""
+    """Return the bits that encode which frames are of messages in the file."""
     return _log2_choose(known + others, known) + math.log2(known + others + 1)
 
 

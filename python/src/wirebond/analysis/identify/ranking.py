@@ -69,7 +69,7 @@ class Candidate:
         return not self.fits and self.evidence > 0 and self.frame_share > 0.5 and self.frames > 2 * self.distinct_frames
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return it as a dictionary for JSON."""
         return {
             "format": self.format.name,
             "file": self.format.model.path,
@@ -99,7 +99,7 @@ class _Sighting:
 
 
 def rank(data: bytes, formats: Sequence[Format], tried: int = 1) -> list[Candidate]:
-    """Every format on this stream, the best first. Time: some milliseconds for each format and 10 kB.
+    """Rank every format on this stream, the best first. Takes some milliseconds for each format and 10 kB.
 
     :param tried: how many streams are looked at in this search, such as one for each baud rate.
     """
@@ -146,7 +146,8 @@ def _try(format: Format, data: bytes, over: Background, charge: float) -> Candid
 
 
 def _apart(sightings: list[_Sighting]) -> list[_Sighting]:
-    """Frames that do not overlap: of two that do, the one that begins first; of the same bytes, the known message."""
+    """Select frames that do not overlap: of two that do, the one that begins first; of the same bytes, the known
+    message."""
     chosen: list[_Sighting] = []
     at = 0
     for one in sorted(sightings, key=lambda one: (one.offset, one.name == _OTHERS, -len(one.raw))):

@@ -40,8 +40,8 @@ class Resized:
 
 
 def resized(formats: Sequence[Format], data: bytes) -> list[Resized]:
-    """Those that fit, the best first. Looked at are formats whose frames begin with a magic and have one size; the
-    sizes are the usual distances between two magics."""
+    """Return fitting formats with other payload sizes, the best first. Tried are formats whose frames begin with a
+    magic and have one size; the sizes are the usual distances between two magics."""
     tried = [one for each in formats for one in _variants(each, data)]
     ranked = rank(data, [variant for _, variant, _, _ in tried])
     of = {id(variant): (each, size, told) for each, variant, size, told in tried}

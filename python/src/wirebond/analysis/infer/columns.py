@@ -44,7 +44,7 @@ class Column:
 
 
 def column(frames: Sequence[bytes], at: int) -> Column | None:
-    """None where hardly a frame is as long."""
+    """Describe the bytes at one place of all frames; None if hardly a frame is that long."""
     values = tuple(frame[at] for frame in frames if len(frame) > at)
     return Column(at, values) if len(values) > 0.5 * len(frames) and len(values) > 1 else None
 

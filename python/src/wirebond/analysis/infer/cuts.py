@@ -60,7 +60,7 @@ class Sizes:
     of: dict[int, int]
 
     def frame_size(self, data: bytes, start: int) -> int | None:
-        """As of Length; None also where the byte is none of these."""
+        """See ``Length.frame_size``; None also if the byte is none of these."""
         at = start + self.at
         return self.of.get(data[at]) if at < len(data) else None
 
@@ -72,7 +72,7 @@ class Fixed:
     size: int
 
     def frame_size(self, data: bytes, start: int) -> int | None:
-        """As of Length."""
+        """See ``Length.frame_size``."""
         return self.size if start + self.size <= len(data) else None
 
 
@@ -134,7 +134,7 @@ def _by_start(data: bytes) -> Iterator[Cut]:
 
 
 def _starts(data: bytes) -> list[bytes]:
-    """Beginnings of one byte to four that come often."""
+    """Find frequent beginnings of one to four bytes."""
     found: list[bytes] = []
     for size in range(1, _LONGEST_START + 1):
         counts = Counter(data[at : at + size] for at in range(len(data) - size + 1))
@@ -148,7 +148,7 @@ def _places(data: bytes, start: bytes) -> list[int]:
 
 
 def _lengths(data: bytes, places: Sequence[int], start: int) -> Iterator[Length]:
-    """Numbers behind the start by which the next start is found."""
+    """Find numbers after the start that lead to the next start."""
     kinds: list[tuple[int, Order]] = [(1, "little"), (2, "little"), (2, "big")]
     for at in range(start, start + _DEEPEST):
         for size, order in kinds:
@@ -215,8 +215,8 @@ def _is_no_accident(frames: int, tried: int, share: float) -> bool:
 
 
 def _chain(data: bytes, places: Sequence[int], rule: ByStart) -> tuple[list[bytes], int]:
-    """Frames whose end is the start of another, or of the stream's end, and how many starts were tried. Within a frame
-    none begins."""
+    """Chain frames whose end is the start of another, or the stream's end; and count the tried starts. No frame begins
+    within another."""
     known = set(places)
     frames: list[bytes] = []
     at = index = tried = 0
@@ -235,7 +235,7 @@ def _chain(data: bytes, places: Sequence[int], rule: ByStart) -> tuple[list[byte
 
 
 def _with_start(cut: Cut) -> Cut:
-    """As many bytes as all frames begin with, two at most where not more were found to be often."""
+    """Extend the start to the bytes that all frames begin with; to two at most if longer ones are not frequent."""
     start = cut.start
     limit = min(cut.rule.at if isinstance(cut.rule, Length | Sizes) else 2, 2)
     while len(start) < limit:
@@ -248,7 +248,7 @@ def _with_start(cut: Cut) -> Cut:
 
 
 def _with_tail(cut: Cut) -> Cut:
-    """One or two bytes that nearly all frames end with, a zero that is much of the stream not counted."""
+    """Find one or two bytes that nearly all frames end with. A zero does not count if much of the stream is zeros."""
     if not cut.by_start:
         return cut
     tail = b""
@@ -323,7 +323,7 @@ def _is_text(cut: Cut) -> bool:
 
 
 def _of_text(data: bytes, rule: Between, cut: Cut) -> Iterator[Cut]:
-    """Lines. A character that begins each opens them, and what is all hexadecimal digits may be bytes."""
+    """Cut into lines. A character that begins each opens them, and hexadecimal digits alone may be bytes."""
     first, count = Counter(frame[0] for frame in cut.frames).most_common(1)[0]
     if count > 0.9 * len(cut.frames) and not chr(first).isalnum():
         rule = replace(rule, opening=bytes([first]))

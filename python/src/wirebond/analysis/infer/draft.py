@@ -218,7 +218,7 @@ class _Writer:
         return lines
 
     def _spelled(self, line: _Line, parts: Sequence[_Line]) -> _Line:
-        """With the text of what depends on the parts around it."""
+        """Add the text that depends on the neighbouring parts."""
         if line.name == "length":
             return _replaced(line, self._length_text(parts))
         if line.name == "header_check":

@@ -75,8 +75,8 @@ def infer(data: bytes, name: str = "inferred", source: str = "a capture", sender
 
 
 def _alike(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Those with about as much evidence as the first: such as frames that are cut at another place, each a bit of the
-    next one's beginning at its end."""
+    """Return candidates with about as much evidence as the first, such as frames that are cut at another place, each
+    with a bit of the next one at its end."""
     return [one for one in candidates if one.evidence > _ALIKE * candidates[0].evidence]
 
 

@@ -22,7 +22,7 @@ class Unfitting:
     seen: Inference | None = None
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return it as a dictionary for JSON."""
         return {
             "other_sizes": [
                 {"format": one.file.name, "file": one.file.model.path, "payload": one.size, "told": one.told}
@@ -33,8 +33,8 @@ class Unfitting:
 
 
 def look_at_unfitting(data: bytes, formats: Sequence[Format], candidates: Sequence[Candidate]) -> Unfitting:
-    """Empty where a format fits, where the bytes are few, or where one frame that repeats tells too little. It takes
-    some seconds.
+    """Infer a format of bytes that no known one fits. Empty if one fits, if there are few bytes, or if only one frame
+    repeats. Takes some seconds.
 
     :param formats: all that were tried.
     :param candidates: those that are in the bytes, as ``rank`` has found them.

@@ -15,8 +15,8 @@ from wirebond.errors import ProtocolFileError
 
 
 def check_file(path: Path, as_json: bool, traffic: str | None, thorough: bool, strict: bool, layout: bool) -> int:
-    """1 where the file is wrong or the lint finds an error (with ``strict`` also a warning), else 0. With ``layout`` it
-    shows the layout of payloads, and no lint runs."""
+    """Check a file. Returns 1 if it is wrong or the lint finds an error (with ``strict`` also a warning), otherwise 0.
+    With ``layout`` it shows the layout of payloads, and no lint runs."""
     try:
         codec, path = load_given(path)
     except ProtocolFileError as error:

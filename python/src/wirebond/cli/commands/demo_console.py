@@ -52,7 +52,7 @@ def run_in_console(seconds: float | None, open_browser: bool) -> int:
 
 
 def console_of_demo() -> Console:
-    """At the usual port; where another program has it, at any other."""
+    """Open the console at the usual port; if another program has it, at any other."""
     token = kept_token()
     try:
         return Console(port=DEFAULT_PORT, token=token)
@@ -61,7 +61,7 @@ def console_of_demo() -> Console:
 
 
 def drive(link: Link, process: rover.RoverProcess, end: float) -> None:
-    """Until the time is over, or a person has taken control or stopped the rover. It never drives again then."""
+    """Drive until the time is over, or a person has taken control or stopped the rover. It never drives again then."""
     driver = Driver(link, process)
     while time.monotonic() < end:
         try:

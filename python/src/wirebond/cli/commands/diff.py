@@ -16,7 +16,8 @@ from wirebond.protocol.model import End, Protocol
 
 
 def diff_files(old_path: Path, new_path: Path, as_json: bool, updated: str | None) -> int:
-    """1 where a change breaks the link, for the end that is updated or for either; else 0."""
+    """Compare two files. Returns 1 if a change breaks the link, for the end that is updated or for either; otherwise
+    0."""
     if updated not in (None, "host", "mcu"):
         raise UsageError(f"--updated is '{updated}'; expected host or mcu")
     ends = (End.HOST, End.MCU) if updated is None else (End(updated),)

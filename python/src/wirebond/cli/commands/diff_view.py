@@ -13,7 +13,7 @@ _STYLE = {Verdict.BREAKS: "bold red", Verdict.COMPATIBLE: "bold yellow", Verdict
 
 
 def print_comparison(old: str, new: str, found: Comparison, place_of: Callable[[Change], str]) -> None:
-    """``place_of`` gives a change's place in its file, as ``robot.yaml:12:3``."""
+    """Print a comparison. ``place_of`` gives a change's place in its file, as ``robot.yaml:12:3``."""
     numbers = [f"{n} {_VERBS[v][n != 1]}" for v in Verdict if (n := found.number_of(v))]
     console.print(plain(f"{old} to {new}: {', '.join(numbers) or 'no change'}"), soft_wrap=True)
     for end in (End.HOST, End.MCU):

@@ -14,7 +14,7 @@ from wirebond.link.devices.doctor.machine import Machine
 
 
 def examine_machine(port: str | None, as_json: bool, root: Path = Path("/")) -> int:
-    """1 if a check found a problem, else 0."""
+    """Examine the machine. Returns 1 if a check found a problem, otherwise 0."""
     machine = Machine(root)
     findings = examine(machine, port)
     ok = not any(finding.verdict is Verdict.PROBLEM for finding in findings)

@@ -19,7 +19,7 @@ _VERDICT, _CHECK = 11, 13  # widths of the columns, for the longest word of each
 
 
 def print_findings(findings: list[Finding], descriptions: dict[str, str]) -> None:
-    """`descriptions`: of the ports that there are, by path."""
+    """Print the findings. `descriptions`: of the existing ports, by path."""
     for port in dict.fromkeys(finding.port for finding in findings):
         described = f"  {descriptions[port]}" if port in descriptions else ""
         title = "this machine" if port is None else f"{port}{described}"

@@ -48,7 +48,7 @@ def explain_bytes(path: Path, source: str | None, hex_text: str | None, sender: 
 
 
 def _most_telling(codec: Codec, data: bytes, sender: str | None) -> bytes:
-    """As many bytes as can be explained at once: those where the first are refused."""
+    """Select as many bytes as can be explained at once: those around the first refused ones."""
     most = most_bytes(codec.model)
     if len(data) <= most:
         return data
@@ -81,7 +81,7 @@ def _peers(path: Path, own: Protocol) -> list[Protocol]:
 
 
 def _show(blocks: list[RenderableType]) -> None:
-    """In a terminal as it is; elsewhere plain, of a fixed width and without blanks at the ends of lines."""
+    """Print: unchanged in a terminal; otherwise plain, of a fixed width and without blanks at the ends of lines."""
     if console.is_terminal:
         for block in blocks:
             console.print(block)

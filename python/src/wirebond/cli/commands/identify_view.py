@@ -18,7 +18,7 @@ _APART = 0.05  # part of the bytes that are in frames of both formats
 
 
 def show(candidates: Sequence[Candidate], data: bytes, known: Known, line: str = "") -> None:
-    """For a person. ``line``: at which settings of the port the bytes came."""
+    """Print for a person. ``line``: the settings of the port at which the bytes came."""
     size = len(data)
     said = [f"{size} bytes{f' at {line}' if line else ''}, {len(known.formats)} formats tried", ""]
     fitting = [one for one in candidates if one.fits]
@@ -53,7 +53,7 @@ def _seen(seen: Inference) -> list[str]:
 def show_json(
     candidates: Sequence[Candidate], data: bytes, known: Known, settings: dict[str, Any] | None = None
 ) -> None:
-    """For a program."""
+    """Print for a program."""
     fitting = [one for one in candidates if one.fits]
     told = {
         "bytes": len(data),
@@ -69,7 +69,7 @@ def show_json(
 
 
 def same_wire(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Other formats whose frames look as those of the best one; none where nothing fits."""
+    """Return other formats whose frames look like those of the best one; none if nothing fits."""
     if not candidates or not candidates[0].fits:
         return []
     best = candidates[0]

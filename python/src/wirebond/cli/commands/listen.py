@@ -28,7 +28,7 @@ def listen_to_both(
     as_json: bool,
     waits: bool,
 ) -> None:
-    """Until the time is over, or Ctrl-C."""
+    """Listen until the time is over, or until Ctrl-C."""
     with (
         ended_by_signals(),
         listen(path, host_port=host_port, mcu_port=mcu_port, port=port, baud=baud, wait_for_port=waits) as listener,

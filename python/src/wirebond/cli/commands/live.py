@@ -47,7 +47,7 @@ _HELLO_WAIT = 0.3  # seconds for the MCU to say which protocol it has
 
 @contextmanager
 def _ctrl_c_ends() -> Iterator[None]:
-    """No error: Ctrl-C of a user, SIGTERM of a supervisor, a reader of the output that has seen enough."""
+    """End without an error on Ctrl-C, on SIGTERM, or if the reader of the output has left."""
     with suppress(KeyboardInterrupt, ReaderGone):
         yield
 
@@ -223,7 +223,7 @@ def send_message(
 
 
 def _warn_of_peer(link: Link, wait: float) -> None:
-    """One line where the MCU was built from another file; ``wait``: seconds for its hello."""
+    """Print one line if the MCU was built from another file. ``wait``: seconds for its hello."""
     end = time.monotonic() + wait
     says_hello = link.role == End.HOST and link.codec.model.service("hello") is not None
     while says_hello and link.peer.state == "unknown" and (left := end - time.monotonic()) > 0:
@@ -262,7 +262,7 @@ class _Addressee:
 
 
 def _addressee(codec: Codec, role: str, header: dict[str, Any]) -> _Addressee | None:
-    """For whom a frame of this end with this header is; None where frames do not say that."""
+    """Return the addressee of a frame of this end with this header; None if frames have none."""
     plan = plan_for(codec.model, End(role))
     if plan.address is None:
         return None

@@ -47,7 +47,7 @@ class Access:
                 warn(link.peer.why)
 
     def show(self, values: Mapping[str, float]) -> None:
-        """Names and values."""
+        """Print names and values."""
         if self.as_json:
             write(to_json(dict(values)) + "\n")
             return

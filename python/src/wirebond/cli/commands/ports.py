@@ -12,7 +12,7 @@ from wirebond.link.devices.facts import port_facts
 
 
 def list_ports(as_json: bool, root: Path = Path("/")) -> int:
-    """1 where there is no port that could be opened, else 0."""
+    """List the ports. Returns 1 if there is no port that could be opened, otherwise 0."""
     ports = serial_ports(root)
     rows = port_facts(ports, root)
     if as_json:

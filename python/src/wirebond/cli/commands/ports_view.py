@@ -18,7 +18,7 @@ Name the port by its path, such as COM3 or /dev/cu.usbmodem1."""
 
 
 def print_ports(rows: list[dict[str, Any]], can_list: bool) -> None:
-    """`rows`: what the command prints of each port as JSON. `can_list`: whether this system shows its ports."""
+    """Print the ports. `rows`: the JSON of each port. `can_list`: whether this system shows its ports."""
     if not rows:
         console.print(_lines(_NONE if can_list else _NOT_HERE), soft_wrap=True)
         return

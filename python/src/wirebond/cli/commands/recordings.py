@@ -35,14 +35,14 @@ def progress_bar(what: str) -> Iterator[Progress | None]:
 
 
 def read(path: Path, protocol: Path | None) -> Recording:
-    """With a bar."""
+    """Read a recording, with a progress bar."""
     codec: Codec | None = None if protocol is None else load(protocol)
     with progress_bar(f"reading {plain(path.name)}") as progress:
         return Recording(path, codec, progress=progress)
 
 
 def show_info(path: Path, protocol: Path | None, as_json: bool, repair: bool) -> int:
-    """Repairs a recording that was not closed, and says so."""
+    """Show facts of a recording. Repairs one that was not closed, and says so."""
     recording = read(path, protocol)
     accounts = {sender: recording.stats(sender) for sender in ("mcu", "host")}
     repaired = False

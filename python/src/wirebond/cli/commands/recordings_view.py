@@ -13,7 +13,7 @@ _MOST_EVENTS = 20  # that are shown to a person
 
 
 def facts(recording: Recording, accounts: dict[str, Stats], repaired: bool) -> dict[str, Any]:
-    """``accounts``: by the end that sent the bytes."""
+    """Collect the facts of a recording. ``accounts``: by the end that sent the bytes."""
     return {
         "file": str(recording.path),
         "protocol": recording.codec.name,
@@ -36,14 +36,14 @@ def facts(recording: Recording, accounts: dict[str, Stats], repaired: bool) -> d
 
 
 def lost_bytes(recording: Recording) -> int:
-    """Bytes of the line that the recorder came too late for."""
+    """Return how many bytes of the line the recorder missed because it came too late."""
     lost = [event.facts for event in recording.events if event.kind == "lost"]
     counts = [facts.get(name, 0) for facts in lost for name in ("received_bytes", "sent_bytes")]
     return sum(count for count in counts if isinstance(count, int))
 
 
 def lines(recording: Recording, accounts: dict[str, Stats], repaired: bool) -> list[str]:
-    """For a person."""
+    """Write the facts for a person."""
     out = [
         f"{recording.path}: {recording.duration:.3f} s of {recording.codec.name} "
         f"(hash {recording.protocol_hash or 'not known'}) as the {recording.role}"

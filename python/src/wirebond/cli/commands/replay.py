@@ -69,7 +69,7 @@ def replay_to_pty(path: Path, protocol: Path | None, section: Section, sender: s
 
 
 def _write(port: PtyPort, chunk: Chunk) -> None:
-    """All of it: who reads too slowly makes the replay wait."""
+    """Write all bytes: a slow reader makes the replay wait."""
     data = chunk.bytes
     while data:
         readable, writable, _ = select.select([port], [port], [], _WAIT)
@@ -87,7 +87,8 @@ def _write(port: PtyPort, chunk: Chunk) -> None:
 
 
 def _drain(port: PtyPort) -> None:
-    """Until the program has it all, closes the pty, or reads no more: the line goes away with this one."""
+    """Wait until the program has read everything, closes the pty, or reads no more: the line goes away with this
+    process."""
     if sys.platform == "win32":
         return  # it has no ptys
     hung_up = select.poll()
@@ -100,7 +101,7 @@ def _drain(port: PtyPort) -> None:
 
 
 def replay_to_program(path: Path, protocol: Path | None, section: Section, program: Path, out: Path | None) -> int:
-    """Tells whether the firmware sent what was recorded."""
+    """Replay into a firmware, and report whether it sent the recorded bytes."""
     recording = _read(path, protocol)
     if not os.access(program, os.X_OK) or program.is_dir():
         reason = "is no program that may be run" if program.exists() else "is not there"

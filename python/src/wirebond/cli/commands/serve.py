@@ -70,7 +70,7 @@ class _Served:
 
 
 def serve_port(given: Serving) -> None:
-    """Until the time is over, or Ctrl-C."""
+    """Serve until the time is over, or until Ctrl-C."""
     if not given.paths or given.port is None:
         _serve_page_alone(given)
         return
@@ -268,7 +268,7 @@ class _Watched:
 
 
 def _named(text: str, link: Link | None) -> str:
-    """With the name of its protocol, where one is given."""
+    """Append the name of its protocol, if one is given."""
     return text if link is None else f"{link.codec.name}: {text}"
 
 

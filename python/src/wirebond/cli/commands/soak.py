@@ -27,7 +27,8 @@ _MOST_LOAD = 20.0
 
 
 def soak_protocol(path: Path | None, load_text: str, settings: Settings, as_json: bool, report: Path | None) -> int:
-    """1 where a frame is not accounted for, an intact one was lost, or one waited for too long; else 0."""
+    """Run a soak. Returns 1 if a frame is not accounted for, an intact one was lost, or one waited for too long;
+    otherwise 0."""
     settings = replace(settings, load=_load_of(load_text))
     _verify(settings)
     with ended_by_signals():
@@ -69,7 +70,7 @@ def _verify(settings: Settings) -> None:
 
 
 def _run(codec: Codec, settings: Settings) -> dict[str, Any]:
-    """With a bar on a terminal."""
+    """Run with a progress bar on a terminal."""
     if not sys.stderr.isatty():
         return run(codec, settings)
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[told]}"), TimeRemainingColumn())

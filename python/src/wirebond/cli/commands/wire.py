@@ -41,7 +41,7 @@ def line_shape(line: str) -> LineShape:
 
 
 def unplugging(text: str) -> tuple[float, float]:
-    """``2:0.5`` is: after 2 s, for 0.5 s.
+    """Read times of unplugging: ``2:0.5`` means after 2 s, for 0.5 s.
 
     :raises UsageError: it is something else.
     """

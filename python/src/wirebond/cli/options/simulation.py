@@ -119,7 +119,7 @@ def wire(
 
 
 def _given(values: dict[str, Any]) -> dict[str, Any]:
-    """Without options that were not given: the settings have defaults."""
+    """Remove options that were not given: the settings have defaults."""
     return {name: value for name, value in values.items() if value is not None}
 
 

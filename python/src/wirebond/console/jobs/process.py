@@ -18,7 +18,7 @@ _NICE = 10  # the link has the processor first
 
 
 def main() -> None:
-    """One job after the other."""
+    """Run one job after the other."""
     seconds = int(sys.argv[1])
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # a library's prints are not part of the answer

@@ -29,7 +29,7 @@ def codec_of(text: str, name: str = EDITED) -> Codec:
 
 @lru_cache(_KEPT)
 def document(text: str, name: str) -> dict[str, Any]:
-    """In Markdown, English and Chinese."""
+    """Write the document in Markdown, English and Chinese."""
     codec = codec_of(text, name)
     return {"markdown": markdown(codec), "markdown_zh": chinese_document(codec)}
 
@@ -41,7 +41,7 @@ def findings(text: str, name: str) -> dict[str, Any]:
 
 
 def checked(text: str) -> dict[str, Any]:
-    """Is this text a protocol? What is wrong stands at its place."""
+    """Check whether this text is a protocol. Faults are reported with their places."""
     try:
         codec = codec_of(text)
     except ProtocolFileError as error:

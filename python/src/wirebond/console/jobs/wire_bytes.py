@@ -36,7 +36,7 @@ def identified(data: bytes) -> dict[str, Any]:
 
 
 def candidates_dict(candidates: Sequence[Candidate], size: int, tried: int) -> dict[str, Any]:
-    """Those that fit.
+    """Return the fitting candidates as JSON objects.
 
     :param size: how many bytes were looked at.
     :param tried: how many formats.

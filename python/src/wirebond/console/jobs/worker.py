@@ -100,7 +100,7 @@ def as_json(work: Callable[..., object], args: tuple[Any, ...], keywords: dict[s
 
 
 def write(pipe: IO[bytes], value: Any) -> None:
-    """One value."""
+    """Write one value."""
     data = pickle.dumps(value)
     pipe.write(LENGTH.pack(len(data)) + data)
     pipe.flush()

@@ -40,7 +40,7 @@ def _short_state(served: Served) -> tuple[Any, ...]:
 
 
 def _link_state(served: Served) -> dict[str, Any]:
-    """All of it."""
+    """Return the state of the link."""
     link, server, source = served.link, served.server, served.source
     stats = link.stats
     now = time.monotonic()

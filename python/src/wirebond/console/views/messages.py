@@ -50,7 +50,7 @@ class MessagesView(SourceView[Messages]):
 
 
 def message_rows(source: Source, now: float, *, at: float | None, with_sparks: bool) -> list[dict[str, Any]]:
-    """One row for each message of each end that may send it.
+    """Return one row for each message and each end that may send it.
 
     :param at: of a recording: the time that is shown.
     """

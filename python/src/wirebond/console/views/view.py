@@ -43,10 +43,10 @@ class View(ABC, Generic[W]):
         """Return what the client lacks now; None: nothing."""
 
     def moved(self) -> None:
-        """From now on another time of the recording is shown."""
+        """Note that another time of the recording is shown from now on."""
 
     def _is_due(self, now: float, every: float) -> bool:
-        """Is it time, at most once in ``every`` seconds?"""
+        """Check whether it is time, at most once in ``every`` seconds."""
         if now < self._next:
             return False
         self._next = now + every

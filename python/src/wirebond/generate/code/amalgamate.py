@@ -9,8 +9,8 @@ _INCLUDE = re.compile(r'^#include "([^"]+)"$')
 
 
 def amalgamated(text: str, headers: Mapping[str, str]) -> str:
-    """``text`` with each of ``headers`` in place of its first include; they are known by the names in quotes, in a
-    header also by those beside it.
+    """Replace the first include of each of ``headers`` in ``text`` by its content. Headers are known by the names in
+    quotes, in a header also by those beside it.
 
     A core header gets a guard of its own, so that several amalgamated files may be included together. Other includes
     stay as they are.

@@ -13,7 +13,8 @@ from wirebond.protocol.model import Protocol
 
 
 def library_files(protocol: Protocol, header: str) -> dict[str, str]:
-    """``library.properties`` and ``library.json``, by their names. ``header``: what a sketch includes."""
+    """Return ``library.properties`` and ``library.json``, by their names. ``header``: the one that a sketch
+    includes."""
     file = comment_text(Path(protocol.path).name or protocol.name)
     code = f"0x{protocol_hash(protocol):016X}"
     release = version("wirebond")

@@ -172,8 +172,8 @@ def _id(protocol: Protocol, message: Message) -> tuple[str, str]:
 
 
 def _encoders(protocol: Protocol, names: Names, message: Message, *more: str) -> list[tuple[str, str]]:
-    """One function; two for a message of both ends whose frames differ, since only the caller knows who sends it.
-    ``more``: words behind its name."""
+    """Return one function; two for a message of both ends whose frames differ, since only the caller knows the sender.
+    ``more``: words after its name."""
     if message.sender != End.BOTH or not frames_differ(protocol):
         return [(names.claim("encode", message.name, *more), "")]
     return [

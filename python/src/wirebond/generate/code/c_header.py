@@ -23,7 +23,7 @@ class HeaderView:
 
 
 def header_view(protocol: Protocol, names: Names, declarer: Declarer) -> HeaderView | None:
-    """None where frames have no header field."""
+    """Return the view of the header; None if frames have no header field."""
     shape = header_shape(protocol)
     if shape is None:
         return None

@@ -46,7 +46,8 @@ class LinkView:
 
 
 def link_view(protocol: Protocol, names: Names, messages: list[MessageView]) -> LinkView:
-    """``names`` has handed out those of ``<protocol>.h`` before: both headers are seen by one file."""
+    """Return the view of the link. ``names`` has given names to ``<protocol>.h`` before: one file includes both
+    headers."""
     mine = [message for message in protocol.messages if message.sent_by(End.MCU)]
     scheduled = {message.name for message in mine if message.every is not None}
     sent = [view for view in messages if view.sender in (End.MCU, End.BOTH)]
@@ -102,7 +103,7 @@ def link_view(protocol: Protocol, names: Names, messages: list[MessageView]) -> 
 
 
 def _actions(protocol: Protocol, taken: set[str]) -> tuple[tuple[str, str], ...]:
-    """Each action of the MCU with its handler, whose name is no message's."""
+    """Return each action of the MCU with its handler, whose name differs from all messages'."""
     found: dict[str, str] = {}
     for action in dict.fromkeys(d.then for d in protocol.deadlines if d.at in (End.MCU, End.BOTH)):
         handler, number = f"on_{code_name(action)}", 1

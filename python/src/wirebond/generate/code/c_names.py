@@ -48,7 +48,7 @@ class Names:
         self._tags: set[str] = set()  # of the types' structs
 
     def claim(self, *words: str, suffix: str = "") -> str:
-        """``claim("velocity", suffix="_t")`` is ``diffdrive_velocity_t``, unless that is taken.
+        """Claim a name: ``claim("velocity", suffix="_t")`` is ``diffdrive_velocity_t``, unless that is taken.
 
         The struct behind a type has the type's name without ``_t``; it may not be another type's name.
         """
@@ -73,7 +73,8 @@ class Names:
         return "_".join((self._prefix, *map(code_name, words))).upper()
 
     def constant(self, *words: str) -> str:
-        """``constant("velocity", "id")`` is ``DIFFDRIVE_VELOCITY_ID``, unless that is taken."""
+        """Claim a constant's name: ``constant("velocity", "id")`` is ``DIFFDRIVE_VELOCITY_ID``, unless that is
+        taken."""
         base = self.prefix_of(*words)
         candidate, number = base, 1
         while candidate in self._taken:

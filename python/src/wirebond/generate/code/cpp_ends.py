@@ -196,13 +196,14 @@ def end_view(protocol: Protocol, end: End) -> EndView:
 
 
 def ids_say_the_sender(protocol: Protocol) -> bool:
-    """Not where more than an id tells messages, and not on a bus, where other MCUs send the same."""
+    """Check whether ids identify the sender. Not if messages have other conditions, and not on a bus, where other MCUs
+    send the same."""
     on_bus = any(field.address is not None for field in fields_of(protocol))
     return not on_bus and not any(m.match for m in protocol.messages)
 
 
 def _mistakable(protocol: Protocol, end: End) -> list[Message]:
-    """Messages that ``end`` sends and that its own receiver would take for the other end's, if they came back.
+    """Return messages of ``end`` that its own receiver would mistake for the other end's, if they came back.
 
     Requests and replies of one message are left out: such a reply may equal its request, and is no echo.
     """

@@ -24,7 +24,7 @@ class Slot:
 
 
 def comment_text(text: str) -> str:
-    """Text that is safe in a comment of either kind: one line, no control characters, no backslash at the end.
+    """Make a text safe in a comment of either kind: one line, no control characters, no backslash at the end.
 
     C joins a line that ends in ``??/`` with the next one, for that trigraph is a backslash; so no two question marks
     stay side by side. A space also stands within ``*/`` and ``/*``.
@@ -37,7 +37,7 @@ def comment_text(text: str) -> str:
 
 
 def is_plain(spec: Field) -> bool:
-    """Is the member the wire's number itself, and fills it its bytes?"""
+    """Check whether the member is the wire's number itself, and fills its bytes."""
     whole = spec.size in _WHOLE_SIZES and not _coding(spec) and spec.digits is None
     return spec.is_number and not spec.enum and not spec.is_scaled and whole
 
@@ -134,7 +134,7 @@ def _coding(spec: Field) -> str:
 
 
 def _template_arguments(spec: Field, type_name: str) -> str:
-    """Type, byte order and wire bytes, as far as they are not what the core takes by itself."""
+    """Return type, byte order and wire bytes, as far as they differ from the core's defaults."""
     arguments = [type_name]
     if spec.order == ByteOrder.BIG or spec.size not in _WHOLE_SIZES:
         arguments.append(f"wirebond::ByteOrder::{spec.order.value}")
@@ -156,7 +156,7 @@ class _Limit(Enum):
 
 
 def _bounds(spec: Field, limit: _Limit) -> tuple[str, str]:
-    """Literals of the lower and upper bound, each empty where the type itself is as narrow."""
+    """Return literals of the lower and upper bound, each empty if the type itself is as narrow."""
 
     def literal(bound: float | None, upper: bool) -> str:
         if bound is None:
@@ -188,7 +188,7 @@ def outside(spec: Field, value: str, received: bool) -> str:
 
 
 def write_value(spec: Field, value: str, slot: Slot) -> list[str]:
-    """Lines that store ``value``, or return false where it breaks a rule."""
+    """Return lines that store ``value``, or return false if it breaks a rule."""
     if spec.value_type is bool:
         return [_store_bool(spec, value, slot)]
     if spec.is_float:
@@ -211,7 +211,7 @@ def _refuse_outside(spec: Field, value: str) -> list[str]:
 
 
 def _byte(place: str) -> str:
-    """``payload + 4`` as an element."""
+    """Write the address of an element's bytes, as ``payload + 4``."""
     return f"payload[{place.removeprefix('payload + ')}]"
 
 
@@ -221,13 +221,13 @@ def _packing(spec: Field) -> str:
 
 
 def _bit_arguments(spec: Field, slot: Slot) -> str:
-    """Width and place of a number that does not begin and end with a byte, and its coding."""
+    """Return width, place and coding of a number that does not begin and end with a byte."""
     place = str(slot.shift) if spec.packed is None else _packing(spec)
     return ", ".join(part for part in (str(spec.bits), place, _coding(spec)) if part)
 
 
 def _split_arguments(spec: Field) -> str:
-    """Coding of a number in several pieces, and the lowest bit and the width of each."""
+    """Return the coding of a number in several pieces, and the lowest bit and the width of each."""
     places = ", ".join(f"{low}, {width}" for low, width in spec.split)
     return f"{_coding(spec) or 'wirebond::Coding::binary'}, {places}"
 
@@ -278,8 +278,8 @@ def _digits_arguments(digits: Digits) -> str:
 
 
 def write_digits(spec: Field, digits: Digits, value: str, place: str, more: bool) -> list[str]:
-    """Lines that store a number in characters, or return false where it breaks a rule; behind one of varying size
-    ``payload`` is moved on, where ``more`` follows."""
+    """Return lines that store a number in characters, or return false if it breaks a rule. After one of varying size
+    ``payload`` is moved on, if ``more`` follows."""
     lines, wire = _wire_number(spec, value)
     arguments = _digits_arguments(digits)
     if spec.size:
@@ -306,7 +306,7 @@ def digits_size(spec: Field, digits: Digits, value: str) -> str:
 
 
 def read_digits(spec: Field, digits: Digits, value: str, place: str, size: str, enum_type: str) -> list[str]:
-    """Lines that load a number from ``size`` characters, or return false where they spell none."""
+    """Return lines that load a number from ``size`` characters, or return false if they spell none."""
     type_name = wire_integer(spec).type_name
     call = f"wirebond::read_digits<{type_name}, {spec.width}, {_digits_arguments(digits)}>"
     if not spec.enum and not spec.is_scaled:
@@ -322,7 +322,7 @@ def read_digits(spec: Field, digits: Digits, value: str, place: str, size: str, 
 
 
 def _wire_number(spec: Field, value: str) -> tuple[list[str], str]:
-    """Lines that return false where an integer's value breaks a rule, and an expression of its wire number."""
+    """Return lines that return false if an integer's value breaks a rule, and an expression of its wire number."""
     type_name = wire_integer(spec).type_name
     if spec.enum:
         return [f"if (!is_known({value})) return false;"], f"static_cast<{type_name}>({value})"
@@ -354,7 +354,7 @@ def read_value(spec: Field, value: str, slot: Slot, enum_type: str) -> list[str]
 
 
 def validate_value(spec: Field, value: str) -> list[str]:
-    """Lines that add what a received value breaks to ``found``."""
+    """Return lines that add the violations of a received value to ``found``."""
     if spec.enum:
         return [f"if (!is_known({value})) found |= wirebond::Violation::unknown_enum;"]
     if not spec.is_number:
@@ -370,7 +370,7 @@ def validate_value(spec: Field, value: str) -> list[str]:
 
 
 def clamp_value(spec: Field, value: str) -> list[str]:
-    """Lines that bring a received value to its nearest bound."""
+    """Return lines that move a received value to its nearest bound."""
     if spec.on_range != OnRange.CLAMP or spec.enum or not spec.is_number:
         return []
     low, high = _bounds(spec, _Limit.CLAMPED)

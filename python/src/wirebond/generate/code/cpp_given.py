@@ -12,7 +12,7 @@ from wirebond.protocol.model import Field, GivenValue
 
 
 def given_value(member: Member, value: GivenValue) -> str:
-    """One value of the file as what is assigned to the field's member, or to one element of it."""
+    """Write one value of the file as an expression for the field's member, or for one element of it."""
     spec = member.spec
     if spec.is_string:
         assert isinstance(value, str | bytes), "the reader gives no others"
@@ -25,7 +25,7 @@ def given_value(member: Member, value: GivenValue) -> str:
 
 
 def assign_lines(shape: Shape, values: Mapping[str, GivenValue], target: str) -> list[str]:
-    """Lines that give members of the struct ``target`` these values."""
+    """Return lines that give members of the struct ``target`` these values."""
     lines: list[str] = []
     for name, value in values.items():
         member = shape.member(name)
@@ -53,7 +53,7 @@ def assign_lines(shape: Shape, values: Mapping[str, GivenValue], target: str) ->
 
 
 def equal_lines(members: tuple[Member, ...], a: str, b: str, depth: int = 0) -> list[str]:
-    """Lines that return false where members of the structs ``a``, received, and ``b`` differ."""
+    """Return lines that return false if members of the structs ``a``, received, and ``b`` differ."""
     lines: list[str] = []
     for member in members:
         spec, one, other = member.spec, f"{a}.{member.name}", f"{b}.{member.name}"
@@ -76,12 +76,12 @@ def equal_lines(members: tuple[Member, ...], a: str, b: str, depth: int = 0) -> 
 
 
 def _repeats(spec: Field) -> bool:
-    """Is it an array or a group?"""
+    """Check whether it is an array or a group."""
     return spec.is_list or spec.count is not None
 
 
 def _same(spec: Field, a: str, b: str) -> str:
-    """Are two values the same number on the wire?"""
+    """Write a test whether two values are the same number on the wire."""
     is_number = spec.is_number
     if not is_number or not spec.is_scaled or Scaling(spec, real_type(spec)).is_exact:
         return f"wirebond::detail::are_equal({a}, {b}, 0)"

@@ -37,7 +37,7 @@ class HeaderView:
 
 
 def fields_of(protocol: Protocol) -> tuple[HeaderField, ...]:
-    """All header fields, by their places."""
+    """Return all header fields, by their places."""
     return header_fields(protocol.format.parts)
 
 
@@ -55,7 +55,7 @@ def ends_differ(protocol: Protocol) -> bool:
 
 
 def header_view(protocol: Protocol) -> HeaderView | None:
-    """None where frames have no header field."""
+    """Return the view of the header; None if frames have no header field."""
     shape = header_shape(protocol)
     if shape is None:
         return None
@@ -73,7 +73,7 @@ def header_view(protocol: Protocol) -> HeaderView | None:
 
 
 def _without_value(line: str) -> str:
-    """``float a = 1.0F;  ///< m`` without what the constructor sets."""
+    """Remove the initial value, which the constructor sets: ``float a = 1.0F; ///< m`` becomes ``float a; ///< m``."""
     declared, _, rest = line.partition(" = ")
     return f"{declared};{rest.partition(';')[2]}"
 
@@ -155,6 +155,6 @@ def _address(bits: int, field: HeaderField) -> str:
 
 
 def generated_types(protocol: Protocol) -> frozenset[str]:
-    """Names of types that the generated header declares beside the messages, or where it names them."""
+    """Return the names of types that the generated header declares beside the messages or uses."""
     header = {STRUCT} if fields_of(protocol) else set()
     return names.GENERATED_TYPES | header | ({"Address"} if address_type(protocol) else set())

@@ -19,7 +19,7 @@ def _asked(test: MatchTest) -> str:
 
 
 def _groups(tests: tuple[MatchTest, ...]) -> list[list[MatchTest]]:
-    """Those joined by ``or_next`` together."""
+    """Group tests that are joined by ``or_next``."""
     groups: list[list[MatchTest]] = []
     joins = False
     for test in tests:

@@ -12,7 +12,7 @@ _DIGITS = {one.cpp: one.digits for one in (F32, F64)}  # binary digits of the C+
 
 
 def nearest_float(value: float) -> float:
-    """``value`` as a C++ float holds it; infinite where it is too large."""
+    """Return ``value`` as a C++ float holds it; infinite if it is too large."""
     rounded = F32.rounded(value)
     return math.copysign(math.inf, value) if rounded is None else rounded
 
@@ -79,7 +79,7 @@ def real_type(field: Field) -> str:
 
 
 def _survives_float(field: Field) -> bool:
-    """Is what a wire number loses as a float, there and back, too little to become another one?"""
+    """Check whether a wire number survives the conversion to a float and back."""
     greatest = (1 << field.width) * abs(field.scale) + abs(field.offset)
     if abs(field.scale) < F32.least_normal or greatest > F32.greatest:
         return False

@@ -35,7 +35,8 @@ class _Told:
     bits: int
 
     def size_lines(self, size: str, most: int, step: int) -> list[str]:
-        """Lines that make it the number of elements or bytes, ``most`` at most; it tells ``step`` for each."""
+        """Return lines that compute the number of elements or bytes, ``most`` at most; the count has ``step`` for
+        each."""
         number = f"static_cast<std::size_t>({self.variable})"
         divided = [f"if ({number} % {step} != 0) return false;"] if step > 1 else []
         return [
@@ -46,7 +47,7 @@ class _Told:
 
 
 def _told_lines(by: tuple[Told, ...], size: str, most: int, told: Mapping[str, _Told]) -> list[str]:
-    """Lines that make what its counts tell its number of elements or bytes."""
+    """Return lines that compute a number of elements or bytes from its counts."""
     first, *others = by
     lines = told[first.name].size_lines(size, most, first.per)
     agree = (f"if ({told[one.name].variable} != {product(one.per, size)}) return false;" for one in others)

@@ -40,6 +40,6 @@ def _rule_lines(shape: Shape, here: Here, *, clamps: bool) -> list[str]:
 
 
 def _only_finite(spec: Field) -> bool:
-    """Is it an array whose elements have no other rule than that they are finite?"""
+    """Check whether it is an array whose elements must be finite and have no other rule."""
     bounded = outside(spec, "", received=True) or spec.enum
     return spec.is_float and spec.count is not None and not spec.is_list and not bounded

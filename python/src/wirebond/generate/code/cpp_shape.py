@@ -157,7 +157,7 @@ def _letter(byte: int, element: str) -> str:
 
 
 def known_enums(shape: Shape) -> list[tuple[str, list[str]]]:
-    """Each enum of the struct and of those within it, by its full name, with its enumerators."""
+    """Return each enum of the struct and of those within it, by its full name, with its enumerators."""
     found = []
     for member in shape.members:
         if member.shape is not None and member.is_own_type:

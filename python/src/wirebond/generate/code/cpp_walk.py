@@ -60,7 +60,7 @@ def loop(index: str, end: str, lines: list[str]) -> list[str]:
 
 
 def walk(shape: Shape, here: Here) -> Iterator[tuple[Member, Step, bool]]:
-    """Each member with its step, and whether something follows it."""
+    """Yield each member with its step, and whether something follows it."""
     for number, member in enumerate(shape.members):
         assert isinstance(member.part, Step), "the bits of a number are walked with it"
         yield member, member.part, here.more or number + 1 < len(shape.members)
@@ -76,7 +76,7 @@ def container(spec: Field) -> Field:
 
 
 def block_copy(spec: Field, element: str) -> str:
-    """Template arguments of load_array and store_array where an array's numbers are the wire's."""
+    """Return template arguments of load_array and store_array if an array's numbers are the wire's."""
     order = ", wirebond::ByteOrder::big" if spec.order == ByteOrder.BIG else ""
     return f"<{element}, {spec.count}{order}>"
 

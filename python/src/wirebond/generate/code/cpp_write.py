@@ -72,7 +72,7 @@ def write_lines(shape: Shape, here: Here | None = None) -> list[str]:
 
 
 def _agree_lines(told: tuple[Told, ...], value: str, counted: Mapping[str, str]) -> list[str]:
-    """Lines that refuse another size than that of what the same fields count already."""
+    """Return lines that refuse a size which differs from that of earlier counts of the same fields."""
     sizes = [(product(one.per, f"{value}.size"), counted[one.name]) for one in told]
     return [f"if ({own} != {other}) return false;" for own, other in sizes if own != other]
 
@@ -105,7 +105,7 @@ def _write_bits(member: Member, step: Bits, value: str, place: str, counted: Map
 
 
 def _has_mark(data: str, size: str, mark: bytes) -> str:
-    """Is this delimiter, of one or two bytes, among the bytes of a text?"""
+    """Write a test whether this delimiter, of one or two bytes, is in a text."""
     return (
         f"wirebond::has_{'byte' if len(mark) == 1 else 'pair'}({data}, {size}, {', '.join(f'{b:#04x}' for b in mark)})"
     )
@@ -162,7 +162,7 @@ def _write_array(member: Member, here: Here, at: int) -> list[str]:
 
 
 def size_lines(shape: Shape, here: Here | None = None) -> list[str]:
-    """Lines that add to ``bytes`` what fields of varying size take beyond their least."""
+    """Return lines that add to ``bytes`` how much fields of varying size exceed their minimum."""
     here = here or Here()
     lines = []
     for member, step, more in walk(shape, here):

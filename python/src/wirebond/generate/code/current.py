@@ -27,7 +27,7 @@ class Stale:
 
 
 def stale_files(out: Path, files: Mapping[str, str], source: str) -> list[Stale]:
-    """Every file of ``out`` that generating ``files`` there would write, and those that it would leave behind.
+    """Return the files in ``out`` that generating ``files`` would change, add or leave over.
 
     A file is superfluous that names the protocol file ``source`` as its origin, in the language of ``files``, and is
     not among them; so is a header under ``wirebond/`` that no core and no port has. Others' files are not looked at:

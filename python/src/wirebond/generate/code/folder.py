@@ -22,7 +22,7 @@ TEMPLATES = Path(__file__).parent / "templates"
 
 @cache
 def _environment() -> jinja2.Environment:
-    """One for all, because it keeps the templates that it has compiled."""
+    """Return the common environment, which keeps compiled templates."""
     found = environment(TEMPLATES)
     found.filters |= {"code_name": code_name, "identifier": identifier}
     return found

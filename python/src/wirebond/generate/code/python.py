@@ -110,7 +110,7 @@ def _header_comment(field: HeaderField) -> str:
 
 
 def _docstring(text: str) -> str:
-    """Text that is safe between three quotes."""
+    """Make a text safe between three quotes."""
     return text.replace("\\", "\\\\").replace('"', '\\"')
 
 

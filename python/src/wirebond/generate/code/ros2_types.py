@@ -113,7 +113,8 @@ def interfaces(protocol: Protocol) -> Interfaces:
 
 
 def package_name(protocol: Protocol) -> str:
-    """``diffdrive_msgs``. A package that ROS 2 has already is not hidden: ``sensor`` gives ``sensor_link_msgs``."""
+    """Return the package's name: ``diffdrive_msgs``. It hides no package of ROS 2: ``sensor`` gives
+    ``sensor_link_msgs``."""
     base = protocol.name.removesuffix("_msgs")
     return f"{base}_link_msgs" if base in _TAKEN_PACKAGES else f"{base}_msgs"
 

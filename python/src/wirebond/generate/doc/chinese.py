@@ -34,12 +34,12 @@ def _drawing() -> Table:
 
 
 def chinese_document(codec: Codec) -> str:
-    """As `wirebond.generate.doc.markdown`."""
+    """Write the document in Chinese, as `wirebond.generate.doc.markdown` in English."""
     return "\n".join(_Translation(own_words(codec.model)).lines(markdown(codec).split("\n")))
 
 
 def own_words(protocol: Protocol) -> frozenset[str]:
-    """All descriptions of a file, as they stand in the document."""
+    """Return all descriptions of a file, as they are in the document."""
     found = {protocol.description, *(message.description for message in protocol.messages)}
     for message in protocol.messages:
         found.update(_descriptions(message.fields))
@@ -113,6 +113,6 @@ class _Translation:
         return text
 
     def _drawn(self, line: str) -> str:
-        """Only what stands beside the drawing is words."""
+        """Translate the words beside the drawing only."""
         found = _drawing().find(line.strip())
         return line if found is None else line.replace(line.strip(), found)

@@ -36,7 +36,8 @@ def examples_of(codec: Codec, message: Message) -> list[str]:
 
 
 def example_values(message: Message, first: int = 0) -> dict[str, Any]:
-    """Values for every field, inside their ranges; the same for the same message and ``first``, which shifts them."""
+    """Make values for every field, inside their ranges; the same for the same message and ``first``, which shifts
+    them."""
     return fitted_values(message, values_by(_Telling(), message.fields, first))
 
 
@@ -56,12 +57,12 @@ def _first_sender(message: Message) -> End:
 
 
 def _is_found(stretches: tuple[Stretch, ...], message: Message) -> bool:
-    """Is it one frame for a receiver? A byte that is not stuffed and is a delimiter cuts it."""
+    """Check whether it is one frame for a receiver. An unstuffed byte that is a delimiter cuts it."""
     return [(stretch.kind, stretch.message) for stretch in stretches] == [(Kind.FRAME, message.name)]
 
 
 def values_line(values: dict[str, Any]) -> str:
-    """``linear = 0.5, angular = 0``."""
+    """Write the values: ``linear = 0.5, angular = 0``."""
     return ", ".join(f"{name} = {_shown(value)}" for name, value in values.items())
 
 

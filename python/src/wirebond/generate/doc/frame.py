@@ -40,7 +40,7 @@ def frame_chapter(protocol: Protocol) -> list[str]:
 
 
 def _rows(protocol: Protocol) -> list[tuple[str, ...]]:
-    """Offsets are given as far as all parts before are always there."""
+    """Return the rows of the parts. Offsets are given while all earlier parts are always present."""
     parts = protocol.format.parts
     payload = next(i for i, part in enumerate(parts) if part.kind == PartKind.PAYLOAD)
     size = parts[payload].fixed_payload if parts[payload].payload == PayloadRule.FIXED else None

@@ -17,7 +17,7 @@ _ADDRESSES = {
 
 
 def header_chapter(protocol: Protocol) -> list[str]:
-    """Nothing where frames have no fields of their own."""
+    """Write the chapter on header fields; empty if frames have none."""
     fields = header_fields(protocol.format.parts)
     if not fields:
         return []

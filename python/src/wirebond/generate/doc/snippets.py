@@ -13,7 +13,7 @@ def function_name(algorithm: Algorithm) -> str:
 
 
 def c_function(algorithm: Algorithm) -> list[str]:
-    """C99, without tables: eight steps a byte."""
+    """Write a C99 function without tables: eight steps a byte."""
     returned = f"uint{next(bits for bits in (8, 16, 32, 64) if bits >= algorithm.width)}_t"
     register = "uint64_t" if algorithm.width > 32 else "uint32_t"
     steps, after, end = _known(algorithm)[0](algorithm)
@@ -50,7 +50,7 @@ def python_function(algorithm: Algorithm) -> list[str]:
 
 
 def _c_loop(algorithm: Algorithm, steps: list[str]) -> list[str]:
-    """Over bytes, or over words: of the last one, too, where zeros complete it."""
+    """Write the loop over bytes, or over words; zeros may complete the last word."""
     size = algorithm.unit
     if size == 1:
         return ["    for (size_t i = 0; i < size; ++i) {", *(f"        {step}" for step in steps), "    }"]
@@ -111,7 +111,7 @@ def _is_xored_last(algorithm: Algorithm) -> bool:
 
 
 def _c_sent(algorithm: Algorithm, name: str) -> list[str]:
-    """From the number that the check is to the one that is sent."""
+    """Write the conversion of the check's value to its sent form."""
     lines = []
     if algorithm.bcd:
         places = reversed(range(algorithm.width // 4))
@@ -155,7 +155,7 @@ def _mask(algorithm: Algorithm) -> int:
 
 
 def _c_halves(algorithm: Algorithm) -> list[str]:
-    """Two sums that run side by side."""
+    """Write two sums that run side by side."""
     if algorithm.kind != CheckKind.FLETCHER:
         return []
     half = algorithm.width // 2

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 
 
 def table(headers: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    """Lines of a table. A header that begins with `>` aligns its column to the right. Columns without any text are
-    left out."""
+    """Write the lines of a table. A header that begins with `>` aligns its column to the right. Columns without any
+    text are left out."""
     cells = [[_cell(text) for text in row] for row in rows]
     kept = [i for i in range(len(headers)) if any(row[i] for row in cells)]
     names = [headers[i].removeprefix(">") for i in kept]

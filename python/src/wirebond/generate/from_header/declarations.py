@@ -137,7 +137,7 @@ def _advice(text: str, line: int) -> str:
 
 
 def _unknown_type(text: str) -> tuple[int, str] | None:
-    """Line and name of the first member whose type nothing declares: the parser's own message does not say it."""
+    """Return line and name of the first member of an undeclared type: the parser's own message does not say it."""
     known = {word for name in _SCALARS for word in name.split()} | {"signed", "const", "volatile"}
     known |= set(re.findall(r"(\w+)\s*(?:\[[^\]]*\]\s*)*;", " ".join(re.findall(r"typedef[^{};]*;", text))))
     known |= set(re.findall(r"}\s*(\w+)\s*;", text))
@@ -393,7 +393,7 @@ class _Numbering(c_ast.NodeVisitor):  # type: ignore[misc]
 
 
 def _canonical(words: list[str]) -> str:
-    """``long unsigned int`` and ``unsigned long`` are one type."""
+    """Return the usual name of a type: ``long unsigned int`` and ``unsigned long`` are one."""
     if len(words) == 1 and words[0] not in ("signed", "int", "unsigned"):
         return words[0]
     unsigned = "unsigned" in words

@@ -40,7 +40,7 @@ def alignment(member_type: Scalar | Enum | Struct) -> int:
 
 @cache
 def struct_size(struct: Struct) -> int:
-    """``sizeof``, without a flexible array at the end."""
+    """Return ``sizeof``, without a flexible array at the end."""
     end = 0
     for _, start, size in _placed(struct):
         end = start + size
@@ -67,7 +67,7 @@ def fields_of(struct: Struct) -> list[Leaf]:
 
 
 def _placed(struct: Struct) -> Iterator[tuple[Member, int, int]]:
-    """Members with offset and size, in bytes."""
+    """Yield members with offset and size, in bytes."""
     at = 0
     for member in struct.members:
         align = min(alignment(member.type), struct.pack or 16)

@@ -19,7 +19,7 @@ _FROM_MCU = {
 
 
 def words_of(name: str) -> list[str]:
-    """``ChassisCmd_t``, ``CHASSIS_CMD``: chassis, cmd, t."""
+    """Split a name into words: ``ChassisCmd_t``, ``CHASSIS_CMD`` give chassis, cmd, t."""
     split = re.sub(r"([a-z0-9])([A-Z])", r"\1_\2", re.sub(r"([A-Z]+)([A-Z][a-z])", r"\1_\2", name))
     return [word for word in re.split(r"[^a-z0-9]+", split.lower()) if word]
 
@@ -56,7 +56,7 @@ class Names:
 
 
 def enumerator_words(values: Iterable[tuple[str, int]]) -> list[tuple[str, int]]:
-    """Names without the words that all of them begin with: ``MODE_IDLE``, ``MODE_RUN`` give idle, run."""
+    """Remove the words that all names begin with: ``MODE_IDLE``, ``MODE_RUN`` give idle, run."""
     pairs = list(values)
     split = [words_of(name) or ["value"] for name, _ in pairs]
     shared = 0
@@ -67,7 +67,8 @@ def enumerator_words(values: Iterable[tuple[str, int]]) -> list[tuple[str, int]]
 
 
 def ids_by_name(structs: Iterable[str], constants: Iterable[tuple[str, int]]) -> dict[str, tuple[str, int]]:
-    """For each struct the one constant that is named after it: its name and value. Only ids that differ are taken."""
+    """Find for each struct the one constant that is named after it: its name and value. Only ids that differ are
+    taken."""
     by_key: dict[tuple[str, ...], list[tuple[str, int]]] = {}
     for name, value in constants:
         if 0 <= value <= 0xFF:

@@ -259,7 +259,7 @@ def _valid(digits: str) -> bool:
 
 
 def _without_attributes(text: str, pack_by_line: dict[int, int | None], path: Path) -> Source:
-    """Blanks for attributes; which bodies of structs, unions and enums they pack is kept."""
+    """Replace attributes by blanks. Those that pack structs, unions and enums are noted."""
     tokens = [(match.group(), match.start()) for match in _TOKEN.finditer(text)]
     out: list[str] = []
     bodies: list[Body] = []
@@ -314,7 +314,7 @@ def _without_attributes(text: str, pack_by_line: dict[int, int | None], path: Pa
 
 
 def _extent(tokens: list[tuple[str, int]], index: int) -> int:
-    """Tokens of the bracket that begins at ``index``, blanks before it included."""
+    """Return how many tokens the bracket at ``index`` has, blanks before it included."""
     depth = 0
     for count in range(1, len(tokens) - index + 1):
         word, _ = tokens[index + count - 1]

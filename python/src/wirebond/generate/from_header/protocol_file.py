@@ -65,7 +65,7 @@ def import_header(path: Path, protocol_name: str) -> Imported:
 
 
 def _checked(text: str, path: Path) -> Protocol:
-    """Whatever was imported must load, unless it is too large: everything else would be an error of the writer."""
+    """Load the written file: anything imported must load, unless it is too large. Other faults are the writer's."""
     try:
         return loads(text, f"{path} (imported)")
     except ProtocolFileError as error:
@@ -243,5 +243,5 @@ def _struct_comment(struct: Struct) -> str:
 
 
 def _comment(text: str) -> str:
-    """Printable and on one line, so that it ends where the comment ends."""
+    """Make a comment printable and of one line, so that it ends where the comment ends."""
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())[:160]

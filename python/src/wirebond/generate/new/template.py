@@ -31,7 +31,7 @@ _FOLDER = Path(__file__).parent / "templates"
 
 
 def parts_of(text: str) -> dict[str, int]:
-    """``base,joints=12`` as a mapping, each with its number: 1, or how many joints.
+    """Read ``base,joints=12`` as a mapping: each part with its number, 1 or the given one.
 
     :raises UsageError: no such part, or no such number.
     """

@@ -119,7 +119,7 @@ class AttachedLink:
         return self._command(request, number)
 
     def send_all(self, frames: list[tuple[int, bytes]]) -> list[int | WirebondError]:
-        """All requests go out before the first answer is waited for."""
+        """Send all requests before the first answer is awaited."""
         messages = self._codec.model.messages
         return self._commands([words.Send(message=messages[index].name, frame=frame) for index, frame in frames])
 
@@ -293,12 +293,12 @@ class AttachedLink:
         self._call(words.Recover(action=action))
 
     def peer(self) -> dict[str, Any] | None:
-        """As JSON; None: the server is away."""
+        """Return the peer as JSON; None: the server is away."""
         found = self._ask("peer", None)
         return found if found is None or found["since"] is None else {**found, "since": found["since"] + self._shift}
 
     def clock(self) -> dict[str, Any] | None:
-        """As JSON; None: it is not known."""
+        """Return the clock as JSON; None: it is not known."""
         found: dict[str, Any] | None = self._ask("clock", None)
         return found
 
@@ -449,7 +449,7 @@ class AttachedLink:
         return results
 
     def _result(self, answer: dict[str, Any]) -> int:
-        """As the engine's answer; what the engine does not know is raised."""
+        """Return an answer as the engine does; errors that the engine does not have are raised."""
         error = answer.get("error")
         if error is None:
             return 0
@@ -492,8 +492,8 @@ class AttachedLink:
         return call.answer
 
     def _exchange_now(self, request: words.Take | words.ReleaseStop) -> dict[str, Any]:
-        """As ``_exchange``, of what must not act once the caller has given up. While the caller waits, one that was
-        under way for too long is sent again."""
+        """Exchange a request that must not act once the caller has given up. While the caller waits, one that came too
+        late is sent again."""
         until = time.monotonic() + PATIENCE
         while True:
             request.tick = self._tick
@@ -679,7 +679,7 @@ class AttachedLink:
 
 
 def _is_readable(connection: socket.socket, seconds: float) -> bool:
-    """Will a read return at once, also with an error? Waits so long for it."""
+    """Wait so long until a read would return at once, also with an error."""
     try:
         if sys.platform == "win32":  # its select has no limit for the number of a descriptor, and it has no poll
             return bool(select.select([connection], [], [], seconds)[0])

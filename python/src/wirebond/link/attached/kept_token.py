@@ -50,7 +50,7 @@ def _write_new(path: Path, token: str) -> None:
 
 
 def _read(path: Path) -> str | None:
-    """None: there is none that this user alone can read."""
+    """Read the token; None: there is no file that only this user can read."""
     try:
         descriptor = os.open(path, os.O_RDONLY | NOT_A_LINK | WITHOUT_WAITING)
     except OSError:

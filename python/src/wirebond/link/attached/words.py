@@ -27,7 +27,7 @@ _HEAD = struct.Struct("<IB")
 
 
 def framed(kind: int, body: bytes) -> bytes:
-    """One message as it goes over a stream."""
+    """Frame one message for a stream."""
     return _HEAD.pack(len(body) + 1, kind) + body
 
 
@@ -51,7 +51,7 @@ class Splitter:
         self._bytes = bytearray()
 
     def feed(self, data: bytes) -> Iterator[tuple[int, bytes]]:
-        """Kind and body of each message that is whole.
+        """Yield kind and body of each complete message.
 
         :raises WrongStreamError: this is no such stream.
         """

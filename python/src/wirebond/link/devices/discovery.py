@@ -46,7 +46,7 @@ def can_list_ports(root: Path = Path("/")) -> bool:
 
 
 def _natural(name: str) -> list[tuple[str, int]]:
-    """So that ttyUSB10 stands behind ttyUSB9."""
+    """Return a key that sorts ttyUSB10 after ttyUSB9."""
     return [(letters, int(digits or 0)) for letters, digits in re.findall(r"(\D+)(\d*)", name)]
 
 

@@ -53,7 +53,7 @@ def resolve(name: str, root: Path = Path("/")) -> str:
 
 
 def matching(name: str, ports: Iterable[SerialPort]) -> list[SerialPort]:
-    """All of `ports` that a name with ``usb:`` fits.
+    """Return all of `ports` that match a name with ``usb:``.
 
     :raises UsageError: as `resolve`.
     """

@@ -24,7 +24,7 @@ class Process:
     """Those whose other end it holds. A simulator keeps both ends open, so that the pty stays."""
 
     def uses(self, tty: str) -> bool:
-        """Has it this tty open, other than as the device at its far end?
+        """Check whether it has this tty open, other than as the device at its far end.
 
         :param tty: its path, without links.
         """
@@ -32,7 +32,7 @@ class Process:
 
 
 def other_processes(root: Path = Path("/")) -> list[Process]:
-    """All but this one, in order of their numbers. Takes about 50 µs for each.
+    """Return all processes but this one, in order of their numbers. Takes about 50 µs for each.
 
     :param root: where the machine's files are.
     """
@@ -52,7 +52,7 @@ def other_users(tty: str) -> list[Process]:
 
 
 def named(processes: list[Process]) -> str:
-    """Their names and numbers for a sentence."""
+    """Write their names and numbers for a sentence."""
     return " and ".join(f"{one.name or 'a program'} (process {one.pid})" for one in processes)
 
 

@@ -61,7 +61,7 @@ class PtyNumber:
 
 
 def sentence(path: str) -> str:
-    """Why a stranger's pty is not opened."""
+    """Write why a pty of another program is not opened."""
     return (
         f"{path} is another program's terminal now, because a pty's number is given away when it ends; open the new "
         "pty by its own name, or use a link to it that stays (wirebond sim --link NAME)"
@@ -69,7 +69,7 @@ def sentence(path: str) -> str:
 
 
 def _look(path: str) -> _Seen | None:
-    """None: the path is no pty, or the numbers of ptys are not known: those of macOS are others."""
+    """Read the pty's number; None: the path is no pty, or the numbers of ptys are not known, as on macOS."""
     if sys.platform != "linux":
         return None
     try:

@@ -24,7 +24,7 @@ class BitMembers:
         self._continued: dict[str, int] = defaultdict(int)  # bits of each value that are elsewhere
 
     def read(self) -> list[Field]:
-        """Those that are right; what is wrong with others has been reported. What continues another one is padding."""
+        """Read the correct ones; faults of others have been reported. A continuation of another one is padding."""
         syntaxes: dict[str, BitFieldSyntax] = {}
         for name, entry in self._node.entries.items():
             syntax = readable(BitFieldSyntax, entry.value) if not names.fault(name) else None

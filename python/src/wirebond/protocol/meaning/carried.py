@@ -15,7 +15,7 @@ from wirebond.protocol.planning import forms
 
 
 def uncarried(parts: tuple[Part, ...], id_bits: int, message: Message) -> str:
-    """Why no form of the frame carries one of the ids or sizes of this message; empty if all are carried.
+    """Return why no form of the frame carries one of the ids or sizes of this message; empty if all are carried.
 
     ``id_bits``: of the frame's widest id. An id beyond it is refused elsewhere.
     """
@@ -64,7 +64,7 @@ def _number(value: int) -> str:
 
 
 def _allows(form: Form, message: Message, size: int) -> bool:
-    """Can such a frame carry the message, as far as everything but its id says?"""
+    """Check whether such a frame can carry the message, apart from its id."""
     if size > form.most_payload or size % form.payload_unit != form.payload_rest:
         return False
     sizes = [held.choice for held in form.choices if held.choice.subject == Subject.SIZE]
@@ -73,7 +73,8 @@ def _allows(form: Form, message: Message, size: int) -> bool:
 
 
 def _can_be_sent(form: Form, fields: Mapping[str, Field]) -> bool:
-    """Has each header field a value that its own rules and this form allow? A sender refuses any other."""
+    """Check whether each header field has a value that its own rules and this form allow. A sender refuses any
+    other."""
     for held in form.header:
         field = fields[held.name]
         allowed = _allowed(field)
@@ -94,7 +95,7 @@ def _allowed(field: Field) -> Intervals:
 
 
 def _has(form: Form, match: Match) -> bool:
-    """Can a header field of this form have a value that tells the message?"""
+    """Check whether a header field of this form can have a value that identifies the message."""
     field = next((field for field in form.header if field.name == match.name), None)
     return field is not None and some_value((_choice(match), *_asked(form, field)), match.width) is not None
 

@@ -85,7 +85,7 @@ class ChecksAmongParts:
         return replace(part, seeded=check.seed is not None, ranges=ranges, shift=run.value)
 
     def _lower_ranges(self, check: int, over: tuple[tuple[str, str], ...], place: Place) -> tuple[tuple[int, int], ...]:
-        """Those that are right; what is wrong with others has been reported."""
+        """Return the correct ones; faults of others have been reported."""
         parts, names = self._parts, self._names
         ranges: list[tuple[int, int]] = []
         is_in_bits = parts[check].in_bits is not None

@@ -65,7 +65,7 @@ class _Reader:
         )
 
     def _known(self, known: Algorithm) -> Algorithm:
-        """Whoever names an algorithm takes its parameters, but for those that it leaves open."""
+        """Return a known algorithm by its name. Only parameters that it leaves open may be given."""
         own = ["width"]
         if known.kind == CheckKind.CRC:
             own += [*_CRC_ALONE, "init", "xorout"]

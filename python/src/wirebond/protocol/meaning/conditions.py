@@ -182,7 +182,7 @@ def _is_magic(field: HeaderField, parts: list[Part]) -> bool:
 
 
 def _merged(ranges: list[tuple[int, int]]) -> tuple[tuple[int, int], ...]:
-    """Rising and apart."""
+    """Merge ranges: in rising order and apart."""
     found: list[tuple[int, int]] = []
     for low, high in sorted(ranges):
         if found and low <= found[-1][1] + 1:

@@ -44,7 +44,7 @@ class Counting:
     problems: Problems
 
     def read(self, amount: int | str | CountSyntax | None) -> Amount | None:
-        """None where something is wrong, which has been reported."""
+        """Read the count; None after reporting a fault."""
         place = self.node.value_place(self.key)
         if amount is None or isinstance(amount, int):
             return Amount(amount)

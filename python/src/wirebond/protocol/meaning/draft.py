@@ -120,7 +120,7 @@ class Draft:
         return next((p for p in range(min(longest, MAX_SIZE), 0, -1) if p + self._overhead(outside + p) <= longest), 0)
 
     def _overhead(self, size: int) -> int:
-        """Bytes that stuffing adds at most to a frame that its length ends."""
+        """Return the maximum number of bytes that stuffing adds to a frame that its length ends."""
         insertion = self.envelope.insertion
         return size if insertion is None else size // len(insertion.after)
 
@@ -185,7 +185,7 @@ def validate_sizes(
 
 
 def _validate_rules(draft: Draft, message: Message, fields: object, problems: Problems) -> None:
-    """Constants stand where a receiver can find them."""
+    """Check that constants are at places where a receiver can find them."""
     rules = payload_rules(message)
     if not isinstance(fields, Mapping):
         return
@@ -206,7 +206,7 @@ def _validate_rules(draft: Draft, message: Message, fields: object, problems: Pr
 
 
 def _size_untold(draft: Draft, message: Message) -> str:
-    """Why a length that counts by words cannot tell the size of a message of one size; empty if it can."""
+    """Return why a length that counts words cannot express the size of a message of one size; empty if it can."""
     if message.min_payload != message.max_payload:
         return ""
     own = forms(draft.parts, message.sender)
@@ -225,7 +225,7 @@ def _size_untold(draft: Draft, message: Message) -> str:
 
 
 def _needs_size(fields: tuple[Field, ...], field: Field, payload: Part) -> bool:
-    """Can this field not be read without the payload's size, which the frame does not tell?"""
+    """Check whether this field cannot be read without the payload's size, which the frame does not give."""
     if payload.payload == PayloadRule.BY_ID:
         up_to_it = fields[: fields.index(field) + 1]
         return field.is_variable and not payload_rules(Message("", 0, End.BOTH, up_to_it)).tells_size

@@ -29,7 +29,8 @@ Wrong = Callable[[Place, str], None]
 
 
 def read_envelope(outer: Outer, wrong: Wrong) -> Envelope:
-    """``wrong`` is called with a place and a sentence for each mistake; the result means nothing then."""
+    """Read the envelope. ``wrong`` is called with a place and a sentence for each mistake; the result means nothing
+    then."""
     stuffed = [(syntax, node) for syntax, node in outer if stuffed_parts(syntax, node) is not None]
     marks = [(i, syntax, node) for i, (syntax, node) in enumerate(outer) if isinstance(syntax, DelimiterPart)]
     silences = [(i, syntax, node) for i, (syntax, node) in enumerate(outer) if isinstance(syntax, SilencePart)]
@@ -55,7 +56,7 @@ def read_envelope(outer: Outer, wrong: Wrong) -> Envelope:
 
 
 def _sized(outer: Outer, stuffed: Outer, wrong: Wrong) -> Envelope:
-    """No delimiter: the frame begins with its magic, and its length tells where it ends."""
+    """Read an envelope without delimiter: the frame begins with its magic, and its length gives its end."""
     syntax, node = stuffed[0]
     if not isinstance(syntax, EscapedPart | InsertedPart):
         wrong(node.place, f"stuffing needs a delimiter before and after it; {_advice(stuffed)}")
@@ -93,7 +94,7 @@ def _sized(outer: Outer, stuffed: Outer, wrong: Wrong) -> Envelope:
 
 
 def _validate_plain_parts(outer: Outer, wrong: Wrong) -> None:
-    """Parts beside the stuffed ones have the same place in every frame."""
+    """Check that parts beside the stuffed ones have the same place in every frame."""
     for syntax, node in outer:
         if isinstance(syntax, PayloadPart):
             wrong(node.place, "the payload must be among the stuffed parts; move it there")

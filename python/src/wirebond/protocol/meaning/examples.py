@@ -16,7 +16,7 @@ from wirebond.protocol.text.yaml_tree import Mapping, Node, Sequence
 def read_examples(
     node: Node | None, messages: Messages, draft: Draft | None, problems: Problems
 ) -> tuple[Example, ...]:
-    """Every example whose message and values can be read; what is wrong with others is reported.
+    """Read every correct example; faults of others are reported.
 
     ``draft``: the frame, whose header fields may be given; None if it is wrong itself.
     """

@@ -17,7 +17,7 @@ _Fitted = tuple[Default | None, str]
 
 
 def wire_limits(field: Field) -> tuple[Fraction, Fraction]:
-    """Least and greatest number on the wire."""
+    """Return the minimum and maximum number on the wire."""
     if field.is_integer:
         least, greatest = field.whole_limits
         return Fraction(least), Fraction(greatest)
@@ -26,7 +26,7 @@ def wire_limits(field: Field) -> tuple[Fraction, Fraction]:
 
 
 def value_limits(field: Field) -> tuple[Fraction, Fraction]:
-    """Least and greatest value in the field's unit that the wire can carry."""
+    """Return the minimum and maximum value in the field's unit that the wire can carry."""
     ends = sorted(bound * field.scale + field.offset for bound in wire_limits(field))
     return ends[0], ends[1]
 
@@ -65,7 +65,7 @@ def fit_value(field: Field, value: Given) -> _Fitted:
 
 
 def fit_element(field: Field, value: Given) -> _Fitted:
-    """As `fit_value`, for one element of an array or a value that is none."""
+    """Fit one element of an array, or a single value, as `fit_value`."""
     if isinstance(value, list):
         return _fit_flags(field, value)
     if field.value_type is bool:
@@ -99,7 +99,7 @@ def _fit_bytes(field: Field, value: Fraction | bool | str) -> _Fitted:
 
 
 def fit_bytes(field: Field, value: bytes) -> tuple[bytes | None, str]:
-    """As `fit_value`, for the bytes of a byte string."""
+    """Fit the bytes of a byte string, as `fit_value`."""
     if len(value) > field.room:
         return (
             None,
@@ -168,5 +168,5 @@ def has_default(field: Field) -> bool:
 
 
 def settled(fields: tuple[Field, ...]) -> set[str]:
-    """Names of the fields, among these that stand beside each other, that may be left out."""
+    """Return the names of fields that may be left out, of these that are side by side."""
     return {field.name for field in fields if has_default(field)}

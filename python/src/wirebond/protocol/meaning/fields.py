@@ -84,7 +84,7 @@ def _sorts(wire_type: WireType) -> set[str]:
 def read_bit_field(
     name: str, syntax: BitFieldSyntax, node: Mapping, problems: Problems, continued: int = 0
 ) -> Field | None:
-    """As `read_plain`, for one of the values that share a number's bits.
+    """Read one of the values that share a number's bits, as `read_plain`.
 
     ``continued``: bits of it that stand elsewhere among them.
     """
@@ -275,7 +275,7 @@ class ValueReader:
 
 
 def _with_range_of_digits(field: Field) -> Field:
-    """Decimal digits have a range of their own, so that a receiver refuses what is no digit: see `Coding.gaps`."""
+    """Give decimal digits their own range, so that a receiver refuses other characters: see `Coding.gaps`."""
     if not field.coding.gaps or field.enum or field.minimum is not None:
         return field
     least, greatest = value_limits(field)

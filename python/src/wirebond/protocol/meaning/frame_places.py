@@ -92,7 +92,7 @@ def _validate_payload_rule(
 
 
 def validate_forms(parts: list[Part], place: Place, wrong: Wrong) -> None:
-    """Each end has forms, each of them is whole, and there are not too many."""
+    """Check that each end has forms, that each of them is complete, and that there are not too many."""
     whole = tuple(parts)
     for form_parts in parts_of_forms(whole, None):
         for kind, role in (

@@ -122,7 +122,7 @@ class _FrameReader:
     def _with_checks_in_bits(
         self, inner: list[tuple[PartSyntax, Mapping]], plain: list[bool]
     ) -> tuple[list[tuple[PartSyntax, Mapping]], list[bool]]:
-        """Behind a part whose bits are shared stands its check, as a part without bytes of its own."""
+        """Insert the checks among shared bits as parts without bytes of their own, after the part with these bits."""
         found: list[tuple[PartSyntax, Mapping]] = []
         marks: list[bool] = []
         for (syntax, node), is_plain in zip(inner, plain, strict=True):
@@ -173,7 +173,7 @@ class _FrameReader:
         return found
 
     def _validate_addresses(self, fields: tuple[HeaderField, ...], places: dict[str, Place]) -> None:
-        """One address says whose a frame is, and one who sent it."""
+        """Check that there is one address for the receiver at most, and one for the sender."""
         held: dict[Address, HeaderField] = {}
         for field in fields:
             if field.address is None:

@@ -26,7 +26,7 @@ def read_header_part(name: str, syntax: FieldPart, node: Mapping, order: ByteOrd
 
 
 def read_header_run(name: str, syntax: BitRun, node: Mapping, problems: Problems) -> _Read:
-    """As `read_header_part`, for a run of bits."""
+    """Read a run of bits, as `read_header_part`."""
     return _HeaderReader(syntax, run_type(syntax), node, problems).read(name, None)
 
 
@@ -50,8 +50,8 @@ def sequence_field(
 def read_header_values(
     given: Mapping_[str, object], parts: tuple[Part, ...], node: Mapping, problems: Problems
 ) -> dict[str, HeaderDefault] | None:
-    """Values of header fields as ``encode`` takes them, which stand under `header` of ``node``; None after reporting
-    what is wrong."""
+    """Read values of header fields from `header` of ``node``, as ``encode`` takes them; None after reporting a
+    fault."""
     known = {field.name: field.value for field in header_fields(parts)}
     places = node.get("header")
     found: dict[str, HeaderDefault] = {}

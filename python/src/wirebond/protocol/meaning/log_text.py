@@ -22,7 +22,7 @@ class LogTextError(ValueError):
 
 
 def log_pieces(text: str) -> tuple[str | Shown, ...]:
-    """``"motor {motor} is hot"`` to the words and the values between them. ``{{`` and ``}}`` are braces.
+    """Split ``"motor {motor} is hot"`` into the words and the values between them. ``{{`` and ``}}`` are braces.
 
     :raises LogTextError: a brace that has no other.
     """

@@ -248,7 +248,7 @@ def _with_ids(draft: Draft, matched: list[tuple[Entry, Message]], problems: Prob
 
 
 def _begins(draft: Draft, ids: Match, byte: int) -> bool:
-    """Can an id begin with this byte? Of a wide one it is assumed."""
+    """Check whether an id can begin with this byte. It is assumed of a wide one."""
     return draft.parts[0].size > 1 or ids.holds(byte)
 
 

@@ -95,7 +95,7 @@ def _read_message(name: str, place: Place, node: Mapping, types: Types, problems
 
 
 def _validate_type_names(messages: Messages, types: Types, problems: Problems) -> None:
-    """Messages and the file's types become structs side by side."""
+    """Check names: messages and the file's types become structs side by side."""
     taken: dict[str, str] = {}
     for name, place in (*types.names().items(), *((entry.name, entry.place) for entry in messages.values())):
         if names.fault(name):
@@ -191,8 +191,8 @@ def _within(field: Field) -> Iterator[Field]:
 
 
 def validate_ids(messages: Messages, id_bits: int, with_id: set[End], without_id: set[End], problems: Problems) -> None:
-    """``id_bits``: width of the frame's id; 0 where it has none. ``with_id``: the ends that have frames with it;
-    ``without_id``: those that have frames without it."""
+    """Check the ids. ``id_bits``: width of the frame's id; 0 if it has none. ``with_id``: the ends that have frames
+    with it; ``without_id``: those that have frames without it."""
     taken: dict[tuple[End, int | None], Entry] = {}
     replies = {entry.message.reply for entry in messages.values() if entry.message is not None}
     for entry in messages.values():
@@ -245,7 +245,7 @@ def validate_ids(messages: Messages, id_bits: int, with_id: set[End], without_id
 
 
 def _id_fault(message: Message, with_id: set[End], without_id: set[End], has_part: bool) -> str:
-    """Why no frame of a sender of this message can carry it; empty if one can."""
+    """Return why no frame of a sender of this message can carry it; empty if one can."""
     ends = [end for end in (End.HOST, End.MCU) if message.sent_by(end)]
     with_none = [end for end in ends if end not in with_id]
     with_one = [end for end in ends if end not in without_id]

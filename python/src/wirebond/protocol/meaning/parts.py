@@ -93,7 +93,7 @@ def _lower_bits(syntax: BitsPart, order: ByteOrder) -> Part:
 
 
 def with_runs_of_checks(parts: list[Part]) -> list[Part]:
-    """Each check that has bits of the part before it with its run, and there where that part is there."""
+    """Give each check among the bits of the part before it its run. It is present if that part is."""
     found: list[Part] = []
     for part in parts:
         before = found[-1] if found else part
@@ -112,7 +112,7 @@ def holder(parts: Sequence[Part], kind: PartKind, role: BitRole) -> int | None:
 
 
 def unique(names: list[str]) -> list[str]:
-    """`constant`, `constant_2`, … where parts without a name share a kind."""
+    """Give parts of one kind numbered names: `constant`, `constant_2`, …"""
     given: list[str] = []
     for name in names:
         number, candidate = 2, name

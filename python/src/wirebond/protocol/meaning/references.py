@@ -261,7 +261,7 @@ def _validate_role(expected: _Role, name: str, node: Mapping, messages: Messages
 
 
 def _validate_counters(message: Message, fields: tuple[Field, ...], place: Place, problems: Problems) -> None:
-    """Its fields are called as what the link counts; there is at least one."""
+    """Check that its fields are named after the link's counters, and that there is at least one."""
     if message.every is None:
         problems.add(place, f"the MCU sends its counters by itself; give `{message.name}` an `every`, such as `1 s`")
     counters = [field for field in fields if field.name in COUNTERS]

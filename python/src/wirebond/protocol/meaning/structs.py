@@ -36,7 +36,7 @@ class Types:
     _open: list[str] = field(default_factory=list)
 
     def names(self) -> dict[str, Place]:
-        """Every type's name and where it stands."""
+        """Return every type's name with its place."""
         entries = self.node.entries if isinstance(self.node, Mapping) else {}
         return {name: entry.key_place for name, entry in entries.items()}
 
@@ -196,7 +196,7 @@ def _validate_names(node: Mapping, problems: Problems) -> None:
 
 
 def _validate_ends(node: Mapping, found: dict[str, Field], problems: Problems) -> None:
-    """Only the last field can reach to the payload's end."""
+    """Check that only the last field reaches to the payload's end."""
     last = next(reversed(node.entries), "")
     for name, one in found.items():
         entry = node.entries[name]

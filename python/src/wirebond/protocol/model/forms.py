@@ -67,7 +67,7 @@ class FormParts:
 
 
 def parts_of_forms(parts: tuple[Part, ...], sender: End | None) -> list[FormParts]:
-    """Every form that a frame of this sender can take, the one that is sent by default first."""
+    """Return every form that a frame of this sender can take, the default one first."""
     return list(_parts_of_forms(parts, sender))
 
 
@@ -104,13 +104,14 @@ def header_of(part: Part) -> list[HeaderField]:
 
 
 def header_fields(parts: tuple[Part, ...]) -> tuple[HeaderField, ...]:
-    """All header fields of a format, whichever of them stand in one frame. A field's place in it is its number."""
+    """Return all header fields of a format, including those that never share a frame. A field's place in it is its
+    number."""
     found = {field.name: field for part in reversed(parts) for field in reversed(header_of(part))}
     return tuple(reversed(found.values()))
 
 
 def header_names(part: Part) -> list[str]:
-    """Names of the header fields that this part holds."""
+    """Return the names of the header fields that this part holds."""
     return [field.name for field in header_of(part)]
 
 
@@ -206,7 +207,7 @@ class _Growth:
         return term
 
     def _width(self, term: Comparison, present: tuple[Part, ...]) -> int:
-        """Bits of what is compared; 0 where these parts do not hold it."""
+        """Return the number of compared bits; 0 if these parts do not hold them."""
         if term.subject == Subject.SIZE:
             return MAX_SIZE.bit_length()
         for part in present:
@@ -230,7 +231,7 @@ def _choice(term: Comparison, width: int, *, holds: bool) -> Choice:
 
 
 def _joined(choices: tuple[Choice, ...], choice: Choice) -> tuple[Choice, ...]:
-    """Two choices over the same bits are one."""
+    """Join choices over the same bits into one."""
     for index, other in enumerate(choices):
         if (other.number, other.mask) == (choice.number, choice.mask):
             one = replace(other, allowed=meet(other.allowed, choice.allowed))
@@ -273,7 +274,7 @@ def complement(allowed: Intervals, most: int) -> Intervals:
 
 
 def can_be(choices: tuple[Choice, ...], width: int) -> bool:
-    """Is there a number of this many bits for which all those of the last one's choices hold?"""
+    """Check whether a number of this many bits meets all those of the last one's choices."""
     mine = tuple(choice for choice in choices if choice.number == choices[-1].number)
     return some_value(mine, width) is not None
 
@@ -284,7 +285,7 @@ def some_value(choices: tuple[Choice, ...], width: int, prefer: int = 0) -> int 
     seen: set[tuple[int, ...]] = set()
 
     def search(bit: int, value: int) -> int | None:
-        """From the highest bit down; the bits above ``bit`` are decided."""
+        """Search from the highest bit down; the bits above ``bit`` are decided."""
         below = (1 << bit) - 1
         state = [bit]
         for number, choice in enumerate(choices):

@@ -251,12 +251,13 @@ class Part:
 
 
 def decimal_digits(size: int) -> int:
-    """Maximum number of decimal digits of a number of ``size`` bytes (1 to 4)."""
+    """Return the maximum number of decimal digits of a number of ``size`` bytes (1 to 4)."""
     return len(str(256**size - 1))
 
 
 def cobs_overhead(size: int) -> int:
-    """Bytes that COBS adds to ``size`` bytes at most; `cobs_overhead` of core/include/wirebond/format.hpp."""
+    """Return the maximum number of bytes that COBS adds to ``size`` bytes; `cobs_overhead` of
+    core/include/wirebond/format.hpp."""
     return 1 + size // 254
 
 
@@ -342,7 +343,7 @@ class FrameFormat:
         return self.parts[-1].size if self.stuffing == Stuffing.DECIMAL_CHECK else 0
 
     def overhead(self, size: int) -> int:
-        """Bytes that stuffing adds to ``size`` bytes at most."""
+        """Return the maximum number of bytes that stuffing adds to ``size`` bytes."""
         if self.stuffing == Stuffing.DECIMAL_CHECK:
             return decimal_digits(self.decimal_bytes) - self.decimal_bytes
         if self.stuffing == Stuffing.COBS:

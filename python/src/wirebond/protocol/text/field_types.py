@@ -43,7 +43,7 @@ def _pattern(codings: Iterable[Coding]) -> str:
 
 
 def _whole_types() -> dict[str, WireType]:
-    """Types that begin and end with a byte."""
+    """Return types that begin and end with a byte."""
     table: dict[str, WireType] = {}
     for coding in CODINGS:
         for bits in _widths(coding):

@@ -41,7 +41,7 @@ _TAG = "part:"  # begins the union tags that pydantic puts into error locations;
 
 
 def _type_alone(value: object) -> object:
-    """`length: u8` is short for `length: {type: u8}`."""
+    """Expand `length: u8` to `length: {type: u8}`."""
     return value if isinstance(value, dict) else {"type": value}
 
 
@@ -240,7 +240,7 @@ class BitRun(HeaderSyntax):
 
 
 def _run(value: object) -> object:
-    """`length: 10` is short for `length: {bits: 10}`, and `turn: i5` for `turn: {type: i5}`."""
+    """Expand `length: 10` to `length: {bits: 10}`, and `turn: i5` to `turn: {type: i5}`."""
     if isinstance(value, dict) and isinstance(value.get("unit"), Number):
         raise wrong(
             "the unit of a length belongs to the whole part; write `unit` beside `fields`: `- "
@@ -301,7 +301,7 @@ def part_keys(value: dict[str, object]) -> list[str]:
 
 
 def one_part(allowed: Collection[str]) -> Callable[[object], object]:
-    """Refuses what is not one part, or not one of these."""
+    """Refuse values that are not one part, or not one of these."""
 
     def validate(value: object) -> object:
         if not isinstance(value, dict):

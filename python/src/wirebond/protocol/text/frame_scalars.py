@@ -72,7 +72,7 @@ class Magic:
 
 
 def _magics(value: object) -> tuple[bytes, ...]:
-    """One magic, or ``{any: [...]}``."""
+    """Read one magic, or ``{any: [...]}``."""
     one = hex_bytes(4)
     if isinstance(value, list):
         raise wrong(

@@ -32,17 +32,17 @@ def schema_text() -> str:
 
 
 def text_of(schema: dict[str, Any]) -> str:
-    """As a file."""
+    """Write the schema as a file."""
     return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
 
 
 def _tidied_items(named: dict[str, Any]) -> dict[str, Any]:
-    """Keys in here are names of the file, such as `default`, and all stay."""
+    """Tidy the items of a mapping whose keys are names of the file, such as `default`: all stay."""
     return {name: _tidied(item) for name, item in named.items()}
 
 
 def _tidied(value: Any) -> Any:
-    """Without titles made from Python's names, and without null: a key has a value or is left out."""
+    """Remove titles made from Python's names, and null: a key has a value or is left out."""
     if isinstance(value, list):
         return [_tidied(item) for item in value]
     if not isinstance(value, dict):

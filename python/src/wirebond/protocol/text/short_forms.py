@@ -58,7 +58,7 @@ def _bit_field(field: Node) -> Node:
 
 
 def _long(field: Scalar, key: str, word: str, rest: str) -> Mapping:
-    """`i16 0.001 m/s`: one step of the number on the wire, and the unit; each may be left out."""
+    """Expand `i16 0.001 m/s`: one step of the number on the wire, and the unit; each may be left out."""
     values = {key: Scalar(field.place, word, word)}
     first, _, behind = rest.strip().partition(" ")
     if isinstance(step := value_of(first), Number):

@@ -36,7 +36,7 @@ def readable(model: type[_Model], node: Node) -> _Model | None:
 
 
 def readable_part(node: Node) -> Syntax | None:
-    """As `readable`, for a part of a frame."""
+    """Read a part of a frame, as `readable`."""
     try:
         return _PART.validate_python(plain(node))
     except ValidationError:

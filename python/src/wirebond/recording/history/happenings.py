@@ -23,14 +23,14 @@ class Happenings:
         self.newest = 0  # the number of the newest one
 
     def add(self, event: LinkEvent) -> None:
-        """One more."""
+        """Add an event."""
         self.newest += 1
         facts = dict(event.facts)
         told = {"t": event.t, "kind": event.kind, "text": sentence(event), **facts}
         self._events.append((self.newest, with_chinese(told, "why") if event.kind == "port_down" else told))
 
     def since(self, number: int, until: float | None = None) -> list[dict[str, Any]]:
-        """Those with a higher number; none that happened behind ``until``."""
+        """Return those with a higher number; none that happened after ``until``."""
         return [e for n, e in list(self._events) if n > number and (until is None or e["t"] <= until)]
 
 

@@ -72,7 +72,7 @@ class History:
     # ---- in
 
     def add(self, end: End, tables: Mapping[str, Any]) -> None:
-        """Rows of one end that are newer than all of that end."""
+        """Add rows of one end that are newer than all of that end."""
         with self._lock:
             for name, table in tables.items():
                 track = self._tracks.get((end, name))
@@ -148,7 +148,7 @@ class History:
             return self._tracks[end, name].first
 
     def interval(self, end: End, name: str) -> float | None:
-        """Seconds between two of them, where the file says so."""
+        """Return the seconds between two of them, if the file says so."""
         return self._tracks[end, name].interval
 
     def samples(self, end: End, name: str, column: str, edges: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -178,7 +178,7 @@ class History:
         return end, name, column
 
     def pixels(self, fields: Sequence[str], begin: float, end: float, width: float) -> list[Pixels]:
-        """Least and greatest values of each field from ``begin`` to ``end``, in pixels of ``width`` seconds. Fields of
+        """Return minimum and maximum of each field from ``begin`` to ``end``, in pixels of ``width`` seconds. Fields of
         one message cost less together.
 
         :raises UsageError: there is no such field.
@@ -196,7 +196,7 @@ class History:
         return [found[field] for field in fields]
 
     def rows(self, field: str) -> tuple[NDArray[np.float64], Array]:
-        """All rows of a field that are kept: times and values.
+        """Return all kept rows of a field: times and values.
 
         :raises UsageError: there is no such field.
         """

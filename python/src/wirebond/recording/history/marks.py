@@ -25,7 +25,7 @@ class Marks:
         self._add({"t": t, "kind": "mcu_deadline_struck", "action": action, "message": message})
 
     def discarded(self, t: float, direction: str, size: int) -> None:
-        """Bytes were in no frame. Those close to the last ones of their direction are reported with them: the new mark
+        """Mark discarded bytes. Those close to the last ones of their direction are reported with them: the new mark
         has the same time and replaces theirs."""
         begun, before = self._last.get(direction, (t, 0))
         if t - begun >= _TOGETHER:
@@ -41,7 +41,7 @@ class Marks:
         self._marks.append((self.newest, mark))
 
     def since(self, number: int) -> list[dict[str, Any]]:
-        """Those with a higher number. Of two discards of one time and direction the later one holds."""
+        """Return those with a higher number. Of two discards of one time and direction the later one holds."""
         return [mark for n, mark in list(self._marks) if n > number]
 
 

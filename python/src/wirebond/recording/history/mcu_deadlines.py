@@ -47,7 +47,7 @@ class McuDeadlines:
         self._enders = {watch.rule.recover_by.message for watch in self._all if watch.rule.recover_by is not None}
 
     def sent(self, tables: Mapping[str, Any], fields: Fields) -> None:
-        """Frames of the host, newer than all before: the rows of each message."""
+        """Take frames of the host, newer than all before: the rows of each message."""
         ends = sorted(
             (t, watch.index)
             for name in self._enders & tables.keys()
@@ -66,8 +66,8 @@ class McuDeadlines:
             self._act(watches, times)
 
     def states(self, now: float) -> list[dict[str, Any]]:
-        """For each deadline at the MCU its place in the file, and since when it has struck; ``unknown``: none of its
-        messages was sent, so that what came before this link decides."""
+        """Return for each deadline at the MCU its place in the file, and since when it has struck; ``unknown``: none of
+        its messages was sent, so events before this link decide."""
         return [
             {
                 "deadline": watch.index,
@@ -97,7 +97,7 @@ class McuDeadlines:
             self._strikes.append((since + watch.rule.after, watch.rule))
 
     def _act(self, watches: list[_Watch], times: NDArray[np.float64]) -> None:
-        """Their message was sent at these times: silence begins again with the last one that is not held back."""
+        """Note when their message was sent: silence begins again with the last one that is not held back."""
         if any(watch.rule.start == Start.HELD and watch.since is None for watch in watches):
             return  # held from the MCU's start on, unless somebody recovered before
         if not len(times) or any(watch.holds_back(times[0]) for watch in watches):
@@ -114,7 +114,7 @@ class McuDeadlines:
             watch.since = float(times[last])
 
     def _recover(self, ended: _Watch, watches: list[_Watch], t: float) -> None:
-        """As the MCU's end does it: nothing where it has not struck, and each explicit one is ended by itself."""
+        """Recover as the MCU's end does: no effect if it has not struck, and each explicit one is ended by itself."""
         if ended.since is not None and not ended.has_struck(t):
             return
         for watch in watches:

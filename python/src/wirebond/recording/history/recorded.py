@@ -8,7 +8,7 @@ from wirebond.recording.recording import Recording
 
 
 def recorded_source(recording: Recording) -> Source:
-    """Its history, its bytes and its events. Times are seconds since its start."""
+    """Return the recording's history, its bytes and its events. Times are seconds since its start."""
     source = Source(recording.codec, End(recording.role), recording.idle, most=None, keep=None)
     for end in ENDS:
         reads = recording.reads(end)

@@ -24,7 +24,7 @@ class RoundTrips:
         self._asked.setdefault(reply, deque(maxlen=_MOST_WAITING)).extend(times[-_MOST_WAITING:].tolist())
 
     def answer(self, reply: str, times: NDArray[np.float64]) -> None:
-        """Such messages came."""
+        """Note received replies."""
         waiting = self._asked.get(reply)
         if not waiting:
             return
@@ -38,7 +38,7 @@ class RoundTrips:
                 self._found.append((t, t - before))
 
     def figures(self, now: float) -> dict[str, float] | None:
-        """Percentiles of the last minute, in seconds; None: there was none."""
+        """Return percentiles of the last minute, in seconds; None: there was none."""
         while self._found and self._found[0][0] < now - _WINDOW:
             self._found.popleft()
         if not self._found:

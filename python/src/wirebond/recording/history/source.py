@@ -82,7 +82,7 @@ class Source:
         times: Sequence[float],
         breaks: Sequence[int] = (),
     ) -> None:
-        """Bytes that this end sent, as they came. Feed the host's bytes before the MCU's of the same time."""
+        """Take bytes that this end sent, as they came. Feed the host's bytes before the MCU's of the same time."""
         with self._lock:
             expected = self._expected(times) if self._told[end] else []
             tables = self.streams[end].feed(chunks, times, breaks, expected)
@@ -97,8 +97,8 @@ class Source:
         breaks: Sequence[int],
         expected: Sequence[tuple[int, int]] | None = None,
     ) -> None:
-        """All bytes of this end at once, and which replies were asked for before which read; None: what the host's
-        bytes say."""
+        """Take all bytes of this end at once, and which replies were requested before which read; None: the host's
+        bytes decide."""
         with self._lock:
             if expected is None:
                 expected = self._expected(times.tolist()) if self._told[end] else []
@@ -106,7 +106,7 @@ class Source:
         self._take(end, tables)
 
     def idle(self, end: End, t: float) -> None:
-        """No bytes of this end came up to ``t``."""
+        """Note that no bytes of this end came up to ``t``."""
         with self._lock:
             tables = self.streams[end].idle(t)
         self._mark_discards(end)
@@ -155,7 +155,7 @@ class Source:
         self.history.add(end, tables)  # last: who sees that a message is counted finds its newest frame
 
     def _expected(self, times: Sequence[float]) -> list[tuple[int, int]]:
-        """Before which of these reads which reply was asked for."""
+        """Return which reply was requested before which of these reads."""
         asked, self._asked = self._asked, []
         return [(int(np.searchsorted(np.asarray(times), t)), index) for t, index in sorted(asked)]
 

@@ -101,7 +101,7 @@ class Stream:
         breaks: Sequence[int] = (),
         expected: Sequence[tuple[int, int]] = (),
     ) -> dict[str, Any]:
-        """Bytes as they came. What they completed, by message: ``t``, ``fields``, ``offset``, ``size``."""
+        """Take bytes as they came. Returns the completed messages by name: ``t``, ``fields``, ``offset``, ``size``."""
         data = b"".join(chunks)
         ends = np.cumsum([len(chunk) for chunk in chunks], dtype=np.uint64)
         return self.feed_whole(data, ends, np.asarray(times, np.float64), breaks, expected)
@@ -254,5 +254,5 @@ class Stream:
         yield Entry(t, begin, end - begin, "", self.raw(begin, min(end - begin, _MOST_DISCARD)))
 
     def is_fill(self, entry: Entry) -> bool:
-        """Are these bytes nothing but delimiters?"""
+        """Check whether these bytes are nothing but delimiters."""
         return bool(self._delimiters) and not entry.bytes.strip(self._delimiters)

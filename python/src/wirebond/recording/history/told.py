@@ -9,7 +9,7 @@ from wirebond.codec import Message
 
 
 def message_dict(message: Message) -> dict[str, Any]:
-    """Its values; header and violations where it has some."""
+    """Return its values; header and violations if it has some."""
     found: dict[str, Any] = {"fields": plain(message.fields)}
     if message.header:
         found["header"] = plain(message.header)

@@ -37,8 +37,8 @@ class Chunk:
         self._hold(_FIRST_ROWS)
 
     def _hold(self, size: int) -> None:
-        """Memory for so many rows, with those that are there. It is one piece: of many, each is rounded up, and leaves
-        a hole when it is replaced by a longer one."""
+        """Allocate memory for so many rows, and keep the present ones. It is one piece: each of many would be rounded
+        up, and leave a hole when it is replaced by a longer one."""
         is_whole = size == ROWS
         wanted = [(np.dtype(np.float64), size), *((of, size) for of in self._types.values())]
         if is_whole:
@@ -118,7 +118,8 @@ class _Unfolding:
         self._plain, self._extremes = plain + first, at[plain]
 
     def least_and_greatest(self, column: Array, low: Array, high: Array) -> tuple[Array, Array]:
-        """Between each two neighbours of the edges, out of a column and the extremes of its blocks."""
+        """Compute minimum and maximum between each two neighbours of the edges, out of a column and the extremes of its
+        blocks."""
         values = np.empty(self.size, column.dtype)
         values[self._rows] = column.reshape(-1, BLOCK)[self._cut].ravel()
         values[self._extremes] = low[self._plain]
@@ -128,7 +129,8 @@ class _Unfolding:
 
 
 def _in_one_piece(wanted: Sequence[tuple[np.dtype[Any], int]]) -> list[Array]:
-    """Arrays of such types and lengths, side by side: the widest first, so that each lies at a multiple of it."""
+    """Make arrays of such types and lengths side by side: the widest first, so that each begins at a multiple of its
+    width."""
     piece = _memory(sum(of.itemsize * size for of, size in wanted))
     found: list[Array] = [piece] * len(wanted)
     at = 0
@@ -140,7 +142,8 @@ def _in_one_piece(wanted: Sequence[tuple[np.dtype[Any], int]]) -> list[Array]:
 
 
 def _memory(size: int) -> NDArray[np.uint8]:
-    """So many bytes. Much is mapped by itself, and so goes back to the system as soon as it is dropped."""
+    """Allocate so many bytes. Large memory is mapped by itself, and so returns to the system as soon as it is
+    dropped."""
     if size < _MAPPED:
         return np.empty(size, np.uint8)
     return np.frombuffer(mmap.mmap(-1, size, **_PRIVATE), np.uint8)

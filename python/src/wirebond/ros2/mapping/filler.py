@@ -83,7 +83,7 @@ class Tree:
         return PackPlan(message, cdr.encode(self.type, whole), seconds, nanoseconds, tuple(values))
 
     def _readers(self, path: cdr.Steps) -> Iterator[tuple[cdr.Steps, Any]]:
-        """Each place that is filled, with what gives its value; None: it has no fixed size."""
+        """Yield each filled place with the source of its value; None: it has no fixed size."""
         for name, value in self._values.items():
             if name in self._trees:  # `filler` takes that
                 continue
@@ -118,7 +118,7 @@ class Tree:
         return copy.filler()({}, {})
 
     def filler(self) -> Filler:
-        """One function for all of it."""
+        """Return one function for all of it."""
         parts = [
             *self._values.items(),
             *((name, tree.filler()) for name, tree in self._trees.items()),

@@ -117,7 +117,7 @@ def own_commands(protocol: Protocol, own: OwnTypes, names: Collection[str]) -> t
 
 
 def _readers(definition: Definition, steps: cdr.Steps, path: str, getter: Getter) -> Iterator[_Placed]:
-    """``path``: the message's field that all these lie in, as `wire_leaf` takes it, and its getter."""
+    """Yield readers. ``path``: the message's field that contains all these, as `wire_leaf` takes it, and its getter."""
     for member in definition.members:
         place = (*steps, member.name)
         if member.spec is not None:
@@ -162,7 +162,7 @@ def _is_text(member: Member) -> bool:
 
 
 def _to_value(member: Member) -> _Convert:
-    """From a field's value to that of its member."""
+    """Return a conversion of a field's value to that of its member."""
     convert = _to_one(member)
     return convert if member.count == 0 or _is_text(member) else lambda values: [convert(one) for one in values]
 

@@ -209,7 +209,7 @@ def ros_getter(steps: tuple[str | int, ...]) -> Getter:
 
 
 def misfit(target: Leaf, given: Leaf) -> str:
-    """Why a value of one type cannot be put where the other is expected; empty: it can."""
+    """Return why a value of one type cannot be used for the other; empty if it can."""
     sentence = f"{given.path} is {given.described}, and {target.path} takes {target.described}"
     if target.is_list != given.is_list or (target.count and given.count is not None and target.count != given.count):
         return sentence

@@ -58,7 +58,7 @@ def load_mapping(path: str | os.PathLike[str], protocol: Protocol) -> BridgeMapp
 
 
 def read_mapping(text: str, protocol: Protocol, path: str = "<text>") -> BridgeMapping:
-    """As `load_mapping`, from text; ``path`` is the name that errors give it."""
+    """Read a mapping from text, as `load_mapping`; ``path`` is its name in errors."""
     problems = Problems(path)
     root = yaml_tree.parse(text, problems)
     validate_syntax(root, problems, File)
@@ -298,7 +298,7 @@ class _Reader:
             self.problems.add(place, f"the host has no deadline `{name}`; {suggestion(name, actions)}")
 
     def _is_own(self, type_: RosType, message: Message, syntax: PublishSyntax | SubscribeSyntax, node: Node) -> bool:
-        """Is it the type that is generated for this message? Without `fields` it has to be."""
+        """Check whether it is the type generated for this message. Without `fields` it must be."""
         own = self.own.of(message.name)
         if type_ is not own:
             self.problems.add(

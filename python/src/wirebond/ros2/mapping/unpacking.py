@@ -59,8 +59,8 @@ class UnpackPlan:
 
 
 def unpack_plan(message: str, type_: RosType, sources: Mapping[str, tuple[Steps, Source]]) -> UnpackPlan | None:
-    """None where a value is no number and no text, is chosen by another, or where the type has something that Wirebond
-    does not read.
+    """Plan how to unpack values; None if one is neither number nor text, is chosen by another, or has a type that
+    Wirebond does not read.
 
     :param sources: by the message's fields: places in the topic, none for a constant.
     """

@@ -24,7 +24,7 @@ class Figures:
 
 
 def figures(times: Sequence[float]) -> Figures | None:
-    """None where there are no times."""
+    """Compute the figures; None if there are no times."""
     if not times:
         return None
     ordered = sorted(times)
@@ -45,8 +45,8 @@ def figures(times: Sequence[float]) -> Figures | None:
 
 
 def histogram(times: Sequence[float], bins: int = BINS) -> list[tuple[float, float, int]]:
-    """Each bin's bounds and how many times lie in it. Bounds grow by one factor, because long times are rare and far
-    off; where times are not positive, or nearly equal, by one step."""
+    """Return each bin's bounds and the number of times in it. Bounds grow by one factor, because long times are rare
+    and far off; if times are not positive, or nearly equal, by one step."""
     if not times:
         return []
     low, high = min(times), max(times)

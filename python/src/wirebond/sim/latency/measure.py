@@ -167,7 +167,7 @@ def _time_one_way(link: Link, into: Measurement, timeout: float, header: Mapping
 def _exchange(
     link: Link, message: str, values: Mapping[str, Any], timeout: float, header: Mapping[str, Any]
 ) -> tuple[Asked, Message | None]:
-    """One question and its answer; None: no answer came in time.
+    """Exchange one question and its answer; None: no answer came in time.
 
     :raises LinkDownError: the port is away.
     """

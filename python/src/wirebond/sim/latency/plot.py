@@ -14,7 +14,7 @@ FORMATS = (".png", ".svg", ".pdf")
 
 
 def drawing_for(path: Path) -> Any:
-    """matplotlib's module of figures.
+    """Return matplotlib's module of figures.
 
     :raises UsageError: it is not installed, or it cannot write such a file.
     """

@@ -13,7 +13,7 @@ from wirebond.sim.soak.tables import rows
 
 
 def header(codec: Codec, mix: Mix) -> str:
-    """``mix.hpp``: what the soak's C++ program is compiled with, beside the generated headers."""
+    """Write ``mix.hpp``, which the soak's C++ program includes beside the generated headers."""
     model = codec.model
     structs = struct_names(model)
     host = list(dict.fromkeys(turn.message for turn in mix.host))
@@ -113,7 +113,7 @@ def _turns(name: str, turns: tuple[Turn, ...], messages: list[str]) -> str:
 
 
 def _places(name: str, indices: list[int]) -> str:
-    """From a message's index in the file to its place here; one that is not offered has none, and matches nothing."""
+    """Map a message's index in the file to its place here; one that is not offered has none, and matches nothing."""
     cases = "".join(f" case {index}: return {place};" for place, index in enumerate(indices))
     return f"inline std::uint16_t {name}(std::int16_t index) {{ switch (index) {{{cases} default: return 0xFFFF; }} }}"
 

@@ -28,7 +28,7 @@ _FATES = (
 
 
 def is_good(result: dict[str, Any]) -> bool:
-    """Is every frame accounted for, no intact frame lost, and none kept longer than it may be?"""
+    """Check that every frame is accounted for, no intact frame is lost, and none was kept for too long."""
     return not result["unaccounted"] and all(
         not found["lost_intact"]
         and (found["wait_bound_us"] is None or found["longest_wait_us"] <= found["wait_bound_us"])

@@ -62,7 +62,7 @@ def build(codec: Codec, mix: Mix, virtual: bool = True) -> Path:
 
 
 def periods(codec: Codec, mix: Mix, settings: Settings) -> dict[End, float]:
-    """Seconds between two runs of each topic of the host, and of each task of the MCU."""
+    """Return the seconds between two runs of each topic of the host, and of each task of the MCU."""
     if settings.load is None:
         return {End.HOST: SEED_PERIOD, End.MCU: SEED_PERIOD}
     link = codec.model.link

@@ -16,7 +16,7 @@ _STEP = 0.37  # seconds of the made-up values between two samples
 
 
 def samples(codec: Codec, name: str, end: End) -> list[bytes]:
-    """Frames of a message with different plausible values, and the running number in fields that are free."""
+    """Make frames of a message with different plausible values, and the running number in free fields."""
     message = codec.model.message(name)
     made_up = VirtualMcu(codec, 0.0)._made_up
     tested = {test.name for row in plan_for(codec.model, end).messages for test in row.tests}
@@ -31,7 +31,7 @@ def samples(codec: Codec, name: str, end: End) -> list[bytes]:
 
 
 def are_numbered(codec: Codec, name: str, end: End) -> bool:
-    """Are all samples of the message different?"""
+    """Check whether all samples of the message differ."""
     return len(set(samples(codec, name, end))) == SAMPLES
 
 
@@ -43,7 +43,7 @@ def _numbered(message: Message, values: Mapping[str, Any], number: int, tested: 
 def _in_fields(
     fields: tuple[Field, ...], values: Mapping[str, Any], number: int, bits: int, tested: set[str], path: str
 ) -> tuple[dict[str, Any], int, int]:
-    """With the number's bits that are left, and how many these are."""
+    """Put the number into fields. Also returns the remaining bits of the number, and how many these are."""
     numbered = dict(values)
     for field in fields:
         if bits == 0:

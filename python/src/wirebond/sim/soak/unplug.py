@@ -32,7 +32,7 @@ Unplug = At | AtRandom
 
 
 def unplug(text: str) -> Unplug:
-    """``2:0.5`` is: after 2 s, for 0.5 s. ``20`` is: 20 times, at random.
+    """Read times of unplugging: ``2:0.5`` means after 2 s, for 0.5 s; ``20`` means 20 times, at random.
 
     :raises UsageError: it is something else.
     """
@@ -52,8 +52,8 @@ def unplug(text: str) -> Unplug:
 
 
 def plug_times(unplugs: Sequence[Unplug], length: float, seed: int) -> list[float]:
-    """Seconds at which the port goes away, comes back, and so on, in a soak of this length. Those that overlap are one.
-    It is back at the end."""
+    """Return the seconds at which the port goes away, comes back, and so on, in a soak of this length. Those that
+    overlap are one. It is back at the end."""
     source = random.Random(seed)  # noqa: S311 it keeps no secret
     spans = []
     for one in unplugs:

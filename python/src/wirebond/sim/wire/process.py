@@ -70,7 +70,7 @@ class WireSettings(LineFaults):
 
 
 def program() -> Program:
-    """Its program."""
+    """Return its program."""
     includes = [paths.sim() / "include", paths.posix_include()]
     return Program("the simulated wire", NAME, paths.sim() / "wire" / "main.cpp", includes)
 
@@ -111,7 +111,7 @@ class WireProcess:
         return self._process.pid
 
     def wait(self, seconds: float | None) -> None:
-        """Until it ends by itself, which it does when a pty breaks, or for so long."""
+        """Wait until it ends by itself, which it does when a pty breaks, or for so long."""
         try:
             self._process.wait(timeout=seconds)
         except subprocess.TimeoutExpired:

@@ -66,7 +66,7 @@ def _arguments(given: list[str]) -> Iterator[str]:
 
 
 def _seconds(text: str, what: str) -> int:
-    """In nanoseconds."""
+    """Convert to nanoseconds."""
     try:
         seconds = float(text)
     except ValueError:

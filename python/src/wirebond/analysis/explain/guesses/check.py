@@ -49,7 +49,7 @@ class _Failed:
         return not self.part.as_hex or all(byte in _HEX_DIGITS for byte in self.found)
 
     def covered(self, data: bytes, ranges: Ranges | None = None) -> bytes:
-        """``ranges``: others than the file's own."""
+        """Return the covered bytes. ``ranges``: others than the file's own."""
         parts = self.parts
         if ranges is not None:
             parts = (*parts[: self.index], replace(self.part, ranges=ranges), *parts[self.index + 1 :])
@@ -75,8 +75,8 @@ class Solved:
 
 
 def _ranges(case: Case, failed: _Failed) -> Iterator[tuple[int, int]]:
-    """Every range of parts that a file can name for this check, but the file's own, those without a byte and, for a
-    check over the payload, those without the payload; nearest to the file's own first."""
+    """Yield every range of parts that a file can name for this check, nearest to the file's own first. Left out are the
+    file's own, those without a byte and, for a check over the payload, those without the payload."""
     count = len(case.parts)
     payload = payload_index(case.parts)
     needs_payload = payload in failed.part.covered and len(set(failed.places[payload])) > 1
@@ -110,7 +110,7 @@ def _over(case: Case, part: Part) -> str:
 
 
 def _difference(case: Case, mine: Part, other: Part) -> str:
-    """``, without the id`` or ``, the tail too``: what one range has and the other has not."""
+    """Write the difference of two ranges: ``, without the id`` or ``, the tail too``."""
     own, theirs = set(mine.covered), set(other.covered)
     less = [case.parts[i].name for i in sorted(own - theirs)]
     more = [case.parts[i].name for i in sorted(theirs - own)]
@@ -145,7 +145,8 @@ def _replaced(case: Case, failed: _Failed, part: Part) -> Guess | None:
 
 
 def near_ranges(case: Case) -> Guesses:
-    """One end of the range moved by one part, constants or header left out, or all that precedes."""
+    """Guess ranges near the file's own: one end moved by one part, constants or header left out, or all earlier
+    parts."""
     failed = _failed(case)
     if failed is None:
         return
@@ -166,7 +167,7 @@ def _near(case: Case, failed: _Failed) -> Iterator[tuple[int, int]]:
 
 
 def _with_gaps(case: Case, failed: _Failed) -> Guesses:
-    """Ranges with a gap: up to the frame's end around the check itself, or with one part left out."""
+    """Guess ranges with a gap: up to the frame's end around the check itself, or with one part left out."""
     part, parts = failed.part, case.parts
     first, last = _outer(part)
     for gap in range(first + 1, last):
@@ -179,7 +180,7 @@ def _with_gaps(case: Case, failed: _Failed) -> Guesses:
 
 
 def _without(first: int, last: int, gaps: set[int]) -> Ranges:
-    """``first`` to ``last`` in as many ranges as are needed to leave the gaps out."""
+    """Split ``first`` to ``last`` into ranges that leave the gaps out."""
     found: list[tuple[int, int]] = []
     for index in range(first, last + 1):
         if index in gaps:

@@ -29,7 +29,7 @@ def one_bit(case: Case) -> Guesses:
 
 
 def extra_byte(case: Case) -> Guesses:
-    """One byte too many, anywhere."""
+    """Guess one superfluous byte, anywhere."""
     for at in range(len(case.block)):
         if at and case.block[at] == case.block[at - 1]:
             continue  # the same bytes come out

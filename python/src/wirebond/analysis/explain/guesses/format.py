@@ -171,7 +171,7 @@ def _id(case: Case, verdict: Verdict) -> str:
 
 
 def lengths(case: Case) -> Guesses:
-    """Another meaning of the length, in either byte order, and what is usually forgotten or counted twice."""
+    """Guess another meaning of the length, in either byte order: parts that are usually forgotten or counted twice."""
     index = length_index(case.parts)
     if index is None:
         return
@@ -201,7 +201,7 @@ def _with_length(case: Case, index: int, part: Part) -> Guess:
 
 
 def payload_sizes(case: Case) -> Guesses:
-    """Another size of a payload whose size is fixed, nearest first: what a firmware sends that gained a field.
+    """Guess another size of a fixed payload, nearest first: the firmware may have gained a field.
 
     Between delimiters the size is there to be seen: see unknown_message.
     """
@@ -263,7 +263,7 @@ def _with_payload(case: Case, at: int, own: int, size: int) -> Guess:
 
 
 def other_byte_order(case: Case) -> Guesses:
-    """All numbers of the frame the other way round; and the id alone."""
+    """Guess the other byte order for all numbers of the frame, and for the id alone."""
     swapped = [
         replace(part, order=_swapped(part.order)) if part.kind in _NUMBERS and part.size > 1 else part
         for part in case.protocol.format.parts
@@ -281,12 +281,12 @@ def other_byte_order(case: Case) -> Guesses:
 
 
 def _with_order(message: Message, order: ByteOrder) -> Message:
-    """As the file's `byte_order` would have it: for the fields too."""
+    """Return the message with another `byte_order` of the file, fields included."""
     return replace(message, fields=tuple(replace(field, order=order) for field in message.fields))
 
 
 def other_constants(case: Case) -> Guesses:
-    """All constants as they stand there."""
+    """Guess that all constants are as received."""
     changed = constants_as_found(case)
     if changed is None:
         return

@@ -104,7 +104,7 @@ Fitting = tuple[Verdict, bytes]
 
 
 def test(guess: Guess) -> Fitting | None:
-    """The frame that the bytes are if the guess is right, or None.
+    """Return the frame that the bytes are if the guess is right, or None.
 
     Bytes behind the frame are taken only where its checks carry the proof: else any bytes would hold some frame.
     """
@@ -140,7 +140,8 @@ def distinct_values(part: Part, covered: int) -> int:
 
 
 def reading(verdict: Verdict, data: bytes) -> str:
-    """``velocity: linear 0.5 m/s, angular 0 rad/s``; empty where the file has no message for the frame."""
+    """Write the frame's values: ``velocity: linear 0.5 m/s, angular 0 rad/s``; empty if the file has no message for
+    it."""
     if verdict.delivered_as == "unknown" or verdict.message is None or verdict.payload is None:
         return ""
     values = values_text(read_fields(verdict.message, verdict.payload_of(data)))

@@ -98,8 +98,8 @@ def _beginnings(pairs: Sequence[tuple[bytes, int]], polynomial: int, width: int)
 
 
 def _solved(rest: Sequence[tuple[int, int]], polynomial: int, width: int) -> Iterator[int]:
-    """Each ``init`` by which all lengths have one final xor, by Gauss's elimination over GF(2). There is more than one
-    where the polynomial has the factor x + 1: lengths do not tell those apart."""
+    """Yield each ``init`` with which all lengths have one final xor, by Gauss's elimination over GF(2). There are
+    several if the polynomial has the factor x + 1: lengths do not distinguish those."""
     (first, constant), *others = rest
     rows: dict[int, tuple[int, int]] = {}  # by the pivot: which bits of init turn a bit, and whether they must
     for size, other in others:

@@ -80,7 +80,7 @@ class _Bits:
         return self._from(0, (0,) * len(self._values))
 
     def _from(self, bit: int, carries: tuple[int, ...]) -> tuple[int, int, int, int] | None:
-        """Flips, addend, mask and xor from ``bit`` on."""
+        """Find flips, addend, mask and xor from ``bit`` on."""
         if bit == self._width:
             return 0, 0, 0, 0
         if (bit, carries) in self._dead or len(self._dead) > _MOST_DEAD:

@@ -25,7 +25,7 @@ def quotient(number: int, divisor: int) -> int:
 
 
 def product(number: int, sparse: int) -> int:
-    """``sparse`` has few terms."""
+    """Multiply. ``sparse`` has few terms."""
     found = 0
     while sparse:
         term = sparse.bit_length() - 1
@@ -42,7 +42,7 @@ def common_divisor(one: int, other: int) -> int:
 
 
 def divisors_of_degree(number: int, degree: int) -> Iterator[int]:
-    """Those with a constant term, of a number whose degree is not much larger."""
+    """Yield divisors with a constant term, of a number whose degree is not much larger."""
     while number and not number & 1:
         number >>= 1
     extra = number.bit_length() - 1 - degree

@@ -14,7 +14,7 @@ _BYTE = 8  # bits
 
 
 def sent_otherwise(samples: Sequence[Sample], width: int) -> Iterator[Algorithm]:
-    """Those that the samples may have; the caller compares the values."""
+    """Yield the algorithms that the samples may have with a sent form of the value; the caller compares the values."""
     if width % 4 == 0:
         yield from _in_digits(samples, width)
     if width <= _BYTE:
@@ -33,7 +33,7 @@ def _in_digits(samples: Sequence[Sample], width: int) -> Iterator[Algorithm]:
 
 
 def _avoiding(samples: Sequence[Sample], width: int) -> Iterator[Algorithm]:
-    """Plain sums and xors of which some values, from 0 or from the lowest one seen, have one number added."""
+    """Yield plain sums and xors that add one number to some values, from 0 or from the lowest one seen."""
     for kind in (CheckKind.XOR, CheckKind.SUM):
         for negate in (False, True) if kind == CheckKind.SUM else (False,):
             plain = Algorithm(kind.value, kind, width, negate=negate)

@@ -33,17 +33,18 @@ class Shape:
         return bytes(reflected(byte, 8) for byte in covered) if self.refin else covered
 
     def turned(self, value: int) -> int:
-        """From the register to its value, or back."""
+        """Convert the register to its value, or back."""
         return reflected(value, self.width) if self.refout else value
 
     def value(self, entering: bytes, polynomial: int, init: int) -> int:
-        """Behind these bytes, before the last steps."""
+        """Compute the value after these bytes, before the last steps."""
         begun = int.from_bytes(entering, "big") << self.width ^ init << 8 * len(entering)
         return self.turned(remainder(begun, polynomial))
 
     def algorithm(self, polynomial: int, init: int, size: int, steps: LastSteps) -> Algorithm:
-        """As a file can say it. If bits of the value are turned before the last steps, the register began with another
-        ``init``: the one that leaves just these bits behind ``size`` bytes. All frames have as many.
+        """Return the algorithm in the form of a file. If bits of the value are inverted before the last steps, the
+        register began with another ``init``: the one that leaves just these bits after ``size`` bytes, the size of all
+        frames.
         """
         if steps.flips:
             init ^= _before(self.turned(steps.flips), size, polynomial)
@@ -67,7 +68,7 @@ class Shape:
 
 
 def shapes(width: int) -> Iterator[Shape]:
-    """All, the usual ones first."""
+    """Yield all shapes, the usual ones first."""
     reflections = sorted(product((False, True), repeat=2), key=lambda one: one[0] != one[1])
     for unit in (1, 2, 4) if width <= _WIDEST_OF_WORDS else (1,):
         orders: tuple[Order, ...] = ("little", "big") if unit > 1 else ("little",)

@@ -66,7 +66,7 @@ def _fitting(samples: Sequence[Sample], size: int, *, thorough: bool) -> Iterato
 
 
 def _freedom(algorithm: Algorithm, varying: int) -> int:
-    """Bits of the parameters that are not the usual ones; without those of a final xor over bits that never vary."""
+    """Count the bits of unusual parameters, without those of a final xor over bits that never vary."""
     every = (1 << algorithm.width) - 1
     bits = _WAYS
     if algorithm.kind == CheckKind.CRC:

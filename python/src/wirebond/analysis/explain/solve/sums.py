@@ -15,7 +15,7 @@ _WIDEST = 32  # bits
 
 
 def sums(samples: Sequence[Sample], width: int) -> Iterator[Algorithm]:
-    """Every sum, xor and Fletcher's sum of this width that all samples have; the simplest first."""
+    """Yield every sum, xor and Fletcher's sum of this width that fits all samples, the simplest first."""
     if width > _WIDEST:
         return
     for unit, order, odd in _ways(samples):

@@ -50,8 +50,8 @@ def _candidates(width: int) -> Polynomials:
 def _with_lowest_bit(
     entering: Sequence[bytes], values: Sequence[int], polynomials: Polynomials, init: int, shape: Shape
 ) -> Polynomials:
-    """Those by which the lowest bit of every value is that of the register, or every one its opposite: no carry comes
-    into it."""
+    """Yield polynomials with which the lowest bit of every value is that of the register, or always its opposite: no
+    carry affects it."""
     lowest = np.uint64(shape.width - 1 if shape.refout else 0)
     first: Polynomials | None = None
     for data, value in zip(entering, values, strict=True):

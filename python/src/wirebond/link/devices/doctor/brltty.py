@@ -33,7 +33,7 @@ def check_brltty(machine: Machine) -> list[Finding]:
 
 
 def _rules(machine: Machine) -> Iterator[tuple[str, str]]:
-    """File name and line of each rule that names USB ids. A file hides those of its name in later folders."""
+    """Yield file name and line of each rule that names USB ids. A file hides those of its name in later folders."""
     seen: set[str] = set()
     for folder in _FOLDERS:
         for name in machine.names(folder):
@@ -59,7 +59,7 @@ def _named_by(device: UsbFolder, rules: list[tuple[str, str]]) -> str | None:
 
 
 def _matches(value: str, pattern: str) -> bool:
-    """udev's patterns: `*`, `?`, `[...]`, and `|` between several."""
+    """Match a pattern of udev: `*`, `?`, `[...]`, and `|` between several."""
     return any(fnmatch.fnmatchcase(value, one) for one in pattern.split("|"))
 
 

@@ -51,7 +51,7 @@ def _kernel_writes(machine: Machine, name: str) -> bool:
 
 
 def _device(machine: Machine, name: str) -> str:
-    """`serial0` of a Raspberry Pi is a link to ttyAMA0 or ttyS0."""
+    """Return the device of a name: `serial0` of a Raspberry Pi is a link to ttyAMA0 or ttyS0."""
     target = link_target(machine.root, f"/dev/{name}")
     return name if target is None else os.path.basename(target)  # noqa: PTH119 text, not a file
 

@@ -81,7 +81,7 @@ def _ports(machine: Machine, name: str | None) -> tuple[list[SerialPort], list[F
 
 
 def _followed(machine: Machine, path: str) -> str:
-    """Through links such as those that ``wirebond sim --link`` and boards' ``/dev/serial0`` are."""
+    """Follow links such as those of ``wirebond sim --link`` and boards' ``/dev/serial0``."""
     for _ in range(8):  # a link that leads to itself ends somewhere
         target = link_target(machine.root, path)
         if target is None:

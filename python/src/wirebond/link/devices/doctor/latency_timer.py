@@ -11,7 +11,7 @@ _BEST_MS = 1
 
 
 def check_latency_timer(machine: Machine, port: SerialPort) -> Finding | None:
-    """None for a port without such a timer: only the driver ftdi_sio has the file."""
+    """Check the latency timer; None for a port without one: only the driver ftdi_sio has the file."""
     name = port.path.removeprefix("/dev/")
     path = f"/sys/bus/usb-serial/devices/{name}/latency_timer"
     timer_ms = sysfs.number(sysfs.below(machine.root, path))

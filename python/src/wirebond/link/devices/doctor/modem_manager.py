@@ -20,7 +20,7 @@ _CAREFUL = ("strict", "allowlist-only", "whitelist-only")
 
 
 def check_modem_manager(machine: Machine, port: SerialPort) -> Finding | None:
-    """None if it is no USB device: those ModemManager leaves alone."""
+    """Check whether ModemManager may open the port; None if it is no USB device: those it leaves alone."""
     if port.usb is None:
         return None
     daemon = machine.runs("ModemManager")
@@ -46,7 +46,7 @@ def check_modem_manager(machine: Machine, port: SerialPort) -> Finding | None:
 
 
 def _policy(daemon: Process) -> str:
-    """As it was started; ``strict`` if that says nothing."""
+    """Return the policy with which it was started; ``strict`` by default."""
     words = [word for part in daemon.command for word in part.split("=", 1)]
     return dict(pairwise(words)).get("--filter-policy", "strict").lower()
 

@@ -17,7 +17,7 @@ def container(machine: Machine) -> str | None:
 
 
 def check_wsl(machine: Machine) -> Finding | None:
-    """None if this is not WSL. There, Windows has the USB devices until they are given to Linux."""
+    """Check the USB devices of WSL; None if this is not WSL. There, Windows has them until they are given to Linux."""
     release = machine.text("/proc/sys/kernel/osrelease") or ""
     if "microsoft" not in release.lower():
         return None
