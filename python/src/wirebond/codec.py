@@ -53,7 +53,7 @@ class SequenceCounts:
 
     @property
     def loss(self) -> float:
-        """The part of a peer's frames that did not arrive, 0 to 1, as far as their numbers tell."""
+        """The part of a peer's frames that did not arrive, 0 to 1, according to their numbers."""
         sent = self.numbered - self.repeats + self.gaps
         return self.gaps / sent if sent else 0.0
 
@@ -112,7 +112,7 @@ class Stats:
     :ivar discarded_bytes: bytes thrown away, by cause; every cause has its entry.
     :ivar rejected_candidates: how often a start turned out to be none, by cause.
     :ivar messages: how many were delivered, by message; those that came.
-    :ivar sequence: what the frames' sequence numbers told; None where frames have none. None as well where a decoder
+    :ivar sequence: counts by the frames' sequence numbers; None if frames have none. None as well if a decoder
         takes the bytes of both ends and frames do not say who sent them.
     :ivar unlisted_frames: frames that were discarded as ``unknown_message``, and are a peer's messages all the same:
         at the end of each another frame began, or each lay between delimiters or silences.
@@ -166,7 +166,7 @@ class Decoder:
     def feed(self, data: Buffer, t: float = 0.0) -> list[Message]:
         """Take what was read. Any bytes are fine; what is no frame is counted.
 
-        :param data: any number of bytes; any buffer, also one whose bytes do not lie together (it is copied).
+        :param data: any number of bytes; any buffer, also one whose bytes are not contiguous (it is copied).
         :param t: when they were read, in seconds on a clock of your choice. A time before the latest one counts as
             the latest.
         :returns: the messages that these bytes complete, in the order of the stream.
@@ -200,7 +200,7 @@ class Decoder:
         bytes are looked through again.
 
         :param t: when that read began, in seconds on the clock of ``feed``.
-        :returns: messages that stood behind a false start.
+        :returns: messages that came after a false start.
         :raises TypeError: ``t`` is no number.
         :raises UsageError: ``t`` is not finite.
         """
@@ -209,7 +209,7 @@ class Decoder:
     def finish(self) -> list[Message]:
         """Say that no byte will ever follow: what is pending is settled.
 
-        :returns: messages that stood behind a false start.
+        :returns: messages that came after a false start.
         """
         return self.engine.finish()
 
@@ -384,7 +384,7 @@ class Codec:
         :param sender: of a message with ``sender: both``, the end whose frame is wanted, ``"host"`` or ``"mcu"``: their
             frames may begin with different bytes. None: the host's. Of any other message None, or its own sender.
         :param fields: its fields by keyword; they go before those of ``values``.
-        :returns: the frame as it stands on the wire, delimiters included.
+        :returns: the frame as it is on the wire, delimiters included.
         :raises MessageError: unknown message or field, a value out of range, not finite or of the wrong type; or no
             form of the frame can carry the message.
         :raises UsageError: ``sender`` is no end; or ``header`` or ``sender`` is given, and the message has a field of
@@ -440,9 +440,9 @@ class Codec:
         progress: Callable[[int, int], object] | None = None,
     ) -> Columns:
         """Decode a whole capture at once, without a Python object for each message. The capture's end settles an
-        incomplete frame. Other threads of Python run meanwhile; Ctrl-C ends the call.
+        incomplete frame. Other threads of Python run in that time; Ctrl-C ends the call.
 
-        :param capture: the bytes; any buffer, which must not change meanwhile.
+        :param capture: the bytes; any buffer, which must not change in that time.
         :param sender: as for ``decoder``.
         :param threads: how many share a large capture, at most 64; None: as many as the machine has cores. The result
             does not depend on it.

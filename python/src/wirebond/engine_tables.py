@@ -89,7 +89,7 @@ class EngineTables:
     def sender_for(self, sender: str | None) -> End | None:
         """Check a sender that a user named.
 
-        :raises UsageError: no such end, or None where frames of the two ends cannot be told apart.
+        :raises UsageError: no such end, or None if frames of the two ends cannot be distinguished.
         """
         model = self._model
         if sender is None:

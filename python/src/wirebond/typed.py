@@ -40,7 +40,7 @@ class TypedRequest(TypedMessage, Protocol[_Reply_co]):
 
 
 def load_matching(module: str, file: str | os.PathLike[str], expected: int) -> Codec:
-    """Return the protocol of ``file``, which lies at this place as seen from the ``module``'s folder.
+    """Return the protocol of ``file``, which is at this place as seen from the ``module``'s folder.
 
     :raises ProtocolFileError: the file is not there, or wrong.
     :raises ProtocolMismatchError: its bytes mean something else than when the module was generated.

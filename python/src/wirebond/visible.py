@@ -24,7 +24,7 @@ def visible(text: str, keep: str = "") -> str:
 def visible_json(text: str) -> str:
     """Escape unsafe characters of JSON by JSON's own escapes, which a reader restores.
 
-    :param text: JSON on one line. Unsafe characters can stand only within its strings.
+    :param text: JSON on one line. Unsafe characters can only be within its strings.
     """
     if text.isprintable():
         return text

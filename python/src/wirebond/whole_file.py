@@ -1,4 +1,4 @@
-"""Writing files whole or not at all: whoever looks sees the old content or the new one, whatever happens meanwhile."""
+"""Writing files whole or not at all: a reader sees the old content or the new one, at any moment."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ def write_whole(path: Path, content: str | bytes, *, new: bool = False, lasting:
 
     :param path: in a folder that exists.
     :param content: text is written as UTF-8.
-    :param new: nothing may lie at ``path`` yet.
-    :param lasting: wait until it lies on the disk, so that it is whole after a power failure, too.
-    :raises FileExistsError: ``new``, and something lies there; it is left as it is.
-    :raises OSError: with ``path`` as its ``filename``; nothing was changed, and nothing is left behind.
+    :param new: no file may be at ``path`` yet.
+    :param lasting: wait until it is on the disk, so that it is whole after a power failure, too.
+    :raises FileExistsError: ``new``, and a file is there; it is left as it is.
+    :raises OSError: with ``path`` as its ``filename``; nothing was changed, and no new file is left.
     """
     data = content.encode("utf-8") if isinstance(content, str) else content
     try:

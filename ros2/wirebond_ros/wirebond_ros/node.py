@@ -254,7 +254,7 @@ def class_of(type_: RosType) -> Any:
 
 
 def class_named(short: str, room: str, *, is_generated: bool) -> Any:
-    """Return the class of a type, such as ``std_srvs/Trigger``, which lies in ``msg`` or in ``srv``.
+    """Return the class of a type, such as ``std_srvs/Trigger``, which is in ``msg`` or in ``srv``.
 
     :raises UsageError: its package is not installed.
     """

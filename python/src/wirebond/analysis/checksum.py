@@ -13,7 +13,7 @@ from wirebond.protocol.registers import register_of
 def checksum(algorithm: Algorithm, data: bytes) -> int:
     """Return the algorithm's value over ``data``, before any byte order or shift of the frame. A few MB/s; any thread.
 
-    -1, which no frame holds, where the algorithm refuses bytes behind the last whole word.
+    -1, which no frame holds, if the algorithm refuses bytes after the last whole word.
     """
     if algorithm.kind not in _REGISTERS:
         raise NotImplementedError(f"checksum.py has no entry for the kind of check '{algorithm.kind}'")

@@ -40,7 +40,7 @@ class Row:
 
     :ivar values: where it has fields to show.
     :ivar units: of the values that have one, by path.
-    :ivar said: what stands in the place of the values, or before them.
+    :ivar said: shown in place of the values, or before them.
     :ivar wrong: what is wrong with them.
     """
 

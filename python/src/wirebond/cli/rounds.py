@@ -12,7 +12,7 @@ _ROUNDING = 1e-6  # seconds
 def time_left(seconds: float | None) -> Iterator[float]:
     """Yield for each round of the loop the seconds that are left; None: without end.
 
-    There is always a last round behind the end, with 0.0: it shows what came before the end.
+    There is always a last round after the end, with 0.0: it shows the state before the end.
     """
     end = math.inf if seconds is None else time.monotonic() + seconds
     while (left := end - time.monotonic()) > 0:

@@ -139,7 +139,7 @@ def sequence_parts(sequence: SequenceStats) -> list[str]:
 
 
 def title_of(message: Message) -> str:
-    """Return the message's name, and behind it the frame's own fields: ``state [servo 3]``."""
+    """Return the message's name, followed by the frame's own fields: ``state [servo 3]``."""
     header = values_text(message.header, between=", ")
     return f"{message.name} [{header}]" if header else message.name
 

@@ -126,7 +126,7 @@ def _from_json(described: Field, text: str) -> Any:
 
 
 def _unique(described: Field, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return a mapping of JSON, in which no name stands twice."""
+    """Return a mapping of JSON, in which no name appears twice."""
     found = dict(pairs)
     if len(found) < len(pairs):
         names = [name for name, _ in pairs]

@@ -42,7 +42,7 @@ _HEADERS = (
 def application(
     guard: Guard, visitors: Visitors, station: Station, library: Library, page: Path, api: list[BaseRoute]
 ) -> ASGIApp:
-    """Return the console's paths, behind its rules of access."""
+    """Return the console's paths, with its rules of access."""
 
     async def at_attach(socket: WebSocket) -> None:
         await attach(socket, visitors, station)

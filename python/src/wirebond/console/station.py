@@ -46,7 +46,7 @@ class Station:
     def put(self, link: Link, server: Server, close: Callable[[], None] = lambda: None) -> None:
         """Serve this link from now on.
 
-        :param close: called when it is served no more, behind the end of its history.
+        :param close: called when it is served no more, after the end of its history.
         """
         self.clear()
         with self._lock:

@@ -17,7 +17,7 @@ _TIME = Annotated[float, msgspec.Meta(ge=-1e12, le=1e12)]
 
 
 class Plot(msgspec.Struct):
-    """Either the newest ``seconds``, or what lies between ``from`` and ``to``."""
+    """Either the newest ``seconds``, or the range between ``from`` and ``to``."""
 
     id: str
     fields: tuple[str, ...] = ()

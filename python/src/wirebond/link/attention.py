@@ -10,7 +10,7 @@ from collections.abc import Callable
 class Attention:
     """Every wait ends as well when the link has ended.
 
-    :param arrived: told when something comes, or happens, or the link has ended. Its lock may be held by the caller.
+    :param arrived: notified of news, of events, and when the link has ended. Its lock may be held by the caller.
     :param has_news: is something there to be taken?
     :param is_done: has the link ended?
     """

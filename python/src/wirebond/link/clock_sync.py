@@ -1,11 +1,11 @@
 """The MCU's clock in the host's time, from exchanges of the clock service. No thread, no port, no clock of its own.
 
 An exchange has four times: the host sends the request, the MCU receives it, the MCU sends its reply, the host has it.
-What the line and both programs took is the round trip. The MCU's times lie somewhere between the host's two, so an
-exchange tells the host's time of the MCU's clock to half its round trip, whatever happened on the way. What the bytes
-of request and reply take on the line is known, and is no part of that doubt: neither message is faster than its bytes.
-So a reply that is longer than its request moves nothing. Exchanges with a short round trip tell most. A line through
-the best ones of the last minute gives offset and drift.
+The time of the line and of both programs is the round trip. The MCU's times are between the host's two, so an
+exchange gives the host's time of the MCU's clock to half its round trip, whatever happened on the way. How long the
+bytes of request and reply take on the line is known, and is not part of that error: neither message is faster than its
+bytes. So a reply that is longer than its request moves nothing. Exchanges with a short round trip are the best. A line
+through the best ones of the last minute gives offset and drift.
 
 The answer never jumps back: a better line is approached within a second or more. Only a restart of the MCU, which
 begins its clock again, begins a new one.
@@ -111,7 +111,7 @@ class ClockSync:
         """Judge one exchange.
 
         :param sent: when the host sent the request, in seconds.
-        :param received_us: the MCU's clock when it had the request, as it stands in the reply.
+        :param received_us: the MCU's clock when it had the request, as in the reply.
         :param sent_us: the MCU's clock when it sent the reply.
         :param back: when the host had the reply.
         :param to_mcu: what the bytes of the request take on the line, in seconds; 0: that is not known.
@@ -148,7 +148,7 @@ class ClockSync:
     def to_host(self, mcu_us: int, near: float, wrap_us: int = 1 << MOST_BITS) -> HostTime:
         """Return the host's time of a time of the MCU. For later times of the MCU it gives later ones.
 
-        :param mcu_us: microseconds of the MCU's clock, as they stand in a message.
+        :param mcu_us: microseconds of the MCU's clock, as in a message.
         :param near: a host's time that is at most half the wrap away, such as that of the message.
         :param wrap_us: after which they wrap, where that is sooner than the clock.
         :returns: the time, with its bound.

@@ -60,7 +60,7 @@ class FrameSender:
         return self._engine.end_safely(own.index, address)
 
     def raise_for(self, message: str, answer: int) -> None:
-        """Raise the exception that an engine's answer stands for, if it is one."""
+        """Raise the exception of an engine's answer, if it is one."""
         if answer:
             raise self._refusal(message, answer)
 

@@ -3,9 +3,9 @@
 Until handlers, requests or coroutines are used, whoever takes messages gets them from the engine itself. From then on a
 thread of the link does so for all. It runs nothing of the program: neither handlers nor signals. Where there are
 handlers, their thread does it while no handler runs, so that a message wakes one thread and not two; the link's thread
-stands in for it meanwhile.
+replaces it until then.
 
-A program's signal handler may raise behind every call that Python makes in the main thread. So a message moves from one
+A program's signal handler may raise after every call that Python makes in the main thread. So a message moves from one
 place to the next in one call of C, what is done before that may be done twice, and who takes messages gives them back
 where it does not return.
 """

@@ -28,7 +28,7 @@ class LatencyTimer:
     """The latency timer of an FTDI adapter: how long it holds received bytes back.
 
     :ivar before_ms: milliseconds, before the link opened the port.
-    :ivar now_ms: behind that; the link sets 1.
+    :ivar now_ms: after the opening; the link sets 1.
     :ivar why: a sentence where it is still longer than that: why, and what to do; empty else.
     """
 
@@ -53,7 +53,7 @@ class Line:
     :ivar data_bits: as the driver has it.
     :ivar parity: ``none``, ``even`` or ``odd``.
     :ivar stop_bits: as the driver has it.
-    :ivar is_exclusive: no other program that asks for a port alone can open it meanwhile.
+    :ivar is_exclusive: no other program that asks for a port alone can open it now.
     :ivar low_latency: what the driver said to that flag.
     :ivar latency_timer: of an FTDI adapter; None: the port has none.
     """

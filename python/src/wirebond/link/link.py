@@ -150,7 +150,7 @@ class Link(Receiving):
         :param message: a message of the host by its name, or an object of a generated module.
         :param values: its fields by name, in SI units.
         :param header: the frame's own named fields, where they differ from the host's defaults, as for `Codec.encode`.
-            The link raises a sequence number, unless it stands here.
+            The link increments a sequence number, unless it is given here.
         :param fields: its fields as keywords; they go before those of ``values``.
         :raises MessageError: a value is wrong, or the message is the MCU's to send.
         :raises StoppedError: an emergency stop holds the message.
@@ -448,8 +448,8 @@ class Link(Receiving):
         return self._owner.other_protocols()
 
     def tap(self, capacity: int = TAP_BYTES) -> Tap:
-        """Begin to keep every read, every write and every event, for who records the link. The first events tell how
-        the link stands. Any thread.
+        """Begin to keep every read, every write and every event, for a recorder. The first events give the state of
+        the link. Any thread.
 
         :param capacity: bytes that may wait for ``Tap.take``. What does not fit is dropped and counted; the link never
             waits.
@@ -479,7 +479,7 @@ class Link(Receiving):
         return self._owner.recordings()
 
     def note(self, kind: str, **facts: Any) -> None:
-        """Let an event of the program stand in the recordings of this link, at this moment. Any thread.
+        """Add an event of the program to the recordings of this link, at this moment. Any thread.
 
         :param kind: a word for it.
         :param facts: texts, numbers, lists and mappings of these.
@@ -560,12 +560,12 @@ def open_link(
         settings then hold, not these; or a `CommonPort`, which other links open as well.
     :param baud: bits per second; default: the file's.
     :param paced: frames are handed to the port at the pace of its baud rate, so that at most 5 ms of line, or one
-        frame, lie before an emergency stop. False: as fast as the port takes them, for ports whose baud rate means
+        frame, leave before an emergency stop. False: as fast as the port takes them, for ports whose baud rate means
         nothing, as of an MCU's own USB; what the driver holds then leaves before a stop.
     :param hold_back: messages that are late, or that a deadline with ``recover: explicit`` holds back, are counted and
         not given to the program. False: they are given all the same, for programs that only show or record.
     :param adapter_latency: seconds that the port may hold received bytes back, 0 to 1; they are added to ``idle``.
-        Default: the file's ``adapter_latency``; without one 16 ms for a device behind USB and for TCP, the time of 16
+        Default: the file's ``adapter_latency``; without one 16 ms for a USB device and for TCP, the time of 16
         bytes for other ttys, and 0 for what is no device, such as a pty.
     :param listen: ``"own"``: frames for other addresses, and replies from an address that was not asked, are counted as
         foreign and not given to the program. ``"all"``: they are given, for programs that only show or record.

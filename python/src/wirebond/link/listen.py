@@ -25,7 +25,7 @@ _LINE = "line"  # the link of a shared line
 class Heard(NamedTuple):
     """A message, and the end that sent it.
 
-    :ivar sender: ``"host"`` or ``"mcu"``; ``"either"`` where one port hears both ends and the protocol does not tell.
+    :ivar sender: ``"host"`` or ``"mcu"``; ``"either"`` if one port hears both ends and the protocol does not say.
     :ivar message: what it sent.
     """
 
@@ -176,7 +176,7 @@ def listen(
 
     On one line a frame is the end's whose messages it fits, by its id, its magic or ``match``; else the end's that its
     address names; else a reply, where the frame before asked for it, or a request. ``Listener.untold`` says which
-    messages even that does not tell apart.
+    messages even that is not enough.
 
     :param protocol: a protocol file's path, or a ``Codec``.
     :param host_port: the port that hears what the host sends; any that ``open`` takes.

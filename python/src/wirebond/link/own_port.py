@@ -1,4 +1,4 @@
-"""The port of this program: opens it, with a virtual MCU behind ``sim:``, and makes the services of its link."""
+"""The port of this program: opens it, with a virtual MCU for ``sim:``, and makes the services of its link."""
 
 from __future__ import annotations
 

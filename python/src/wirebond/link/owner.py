@@ -76,7 +76,7 @@ class Owner(Protocol):
         """See ``Link.release_stop``."""
 
     def device(self) -> str:
-        """Return the port at the end of the line, such as the tty behind a stable name."""
+        """Return the port at the end of the line, such as the tty of a stable name."""
 
     def other_protocols(self) -> list[Codec]:
         """See ``Link.other_protocols``."""

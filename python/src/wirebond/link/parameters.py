@@ -235,7 +235,7 @@ class Parameters:
     def _set_back(self, before: Mapping[str, float], names: Iterable[str], timeout: float) -> str:
         """Give them their previous values.
 
-        :returns: for the sentence that tells of it: those for which this failed.
+        :returns: for the sentence that reports it: those for which this failed.
         """
         failed: dict[str, str] = {}
         for name in names:

@@ -2,7 +2,7 @@
 
 It has the methods of the engine's own ``Link``, so that ``wirebond.Link`` uses the one as the other. Its threads: the
 supervisor writes; a reader, one for each time that the port is open, reads; an opener, one for each try, opens. None of
-them holds the lock meanwhile. One file: its threads share one lock.
+them holds the lock in that time. One file: its threads share one lock.
 """
 
 from __future__ import annotations
@@ -420,7 +420,7 @@ class PythonLink:
         self._planned = 0
 
     def _give_back(self) -> None:
-        """Close the port that went down, behind its reader."""
+        """Close the port that went down, after its reader."""
         port = self._left
         if port is None:
             return

@@ -70,7 +70,7 @@ class PythonPort(Protocol):
         ...
 
     def cancel(self) -> None:
-        """End a ``read`` and a ``write`` of other threads soon. Nothing else is done with the port behind this."""
+        """End a ``read`` and a ``write`` of other threads soon. The port is not used after this."""
         ...
 
     def close(self) -> None:
@@ -393,7 +393,7 @@ def _unlock(port: Any) -> None:
 
 
 class _LatencyTimer:
-    """As the engine's: the timer of an FTDI adapter, before and behind the opening."""
+    """As the engine's: the timer of an FTDI adapter, before and after the opening."""
 
     def __init__(self, root: Path, port: str) -> None:
         self._path = root / "sys/bus/usb-serial/devices" / Path(port).resolve().name / "latency_timer"

@@ -230,7 +230,7 @@ class Receiving:
 
     def off(self, function: Callable[..., object], /) -> None:
         """Call this handler no more, of messages and of deadlines. A call that has begun goes on. A message that waited
-        for it alone goes to a loop or to ``receive``, perhaps behind newer ones. Any thread.
+        for it alone goes to a loop or to ``receive``, perhaps after newer ones. Any thread.
 
         :param function: what ``on``, ``on_log``, ``on_deadline`` or ``aio.on`` got.
         :raises UsageError: it is no handler of this link.

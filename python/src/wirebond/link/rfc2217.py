@@ -80,7 +80,7 @@ class Telnet:
     """Received bytes in; data out, and what the server says of options to the two functions.
 
     :param negotiate: called with DO, DONT, WILL or WONT and the option.
-    :param settle: called with what stands between SB and SE.
+    :param settle: called with the bytes between SB and SE.
     """
 
     def __init__(self, negotiate: Callable[[bytes, bytes], object], settle: Callable[[bytes], object]) -> None:

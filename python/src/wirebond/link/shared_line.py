@@ -30,8 +30,8 @@ class SharedStats:
 
     :ivar bytes: all of them.
     :ivar frames: how many frames each sender had: ``host``, ``mcu``, ``either``.
-    :ivar frame_bytes: bytes that lie in one of these.
-    :ivar other_bytes: bytes that lie in none: delimiters, rubbish.
+    :ivar frame_bytes: bytes in one of these.
+    :ivar other_bytes: bytes in none: delimiters, rubbish.
     :ivar pending_bytes: bytes that may still become part of a frame.
     """
 

@@ -78,7 +78,7 @@ def are_matched(messages: Iterable[Message]) -> bool:
 class Told:
     """The facts in a frame that identify its message: the id, or None; the numbers of its header, as bits.
 
-    ``payload`` is empty where only what stands before it is asked for.
+    ``payload`` is empty if only the bytes before it are asked for.
     """
 
     id: int | None

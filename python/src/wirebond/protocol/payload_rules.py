@@ -1,4 +1,4 @@
-"""Rules over a message's payload, lowered to bytes: constants among its fields, and what its counts tell of its size.
+"""Rules over a message's payload, lowered to bytes: constants among its fields, and the size given by its counts.
 
 A place is counted from the payload's beginning as if everything that varies were empty. What lies behind elements or
 strings of varying number moves by what those take; so each place also says how many of the message's counts it is
@@ -42,7 +42,7 @@ class CountingNumber:
 
 @dataclass(frozen=True)
 class PayloadCount(CountingNumber):
-    """One that tells how many elements or bytes follow somewhere behind it."""
+    """One that counts elements or bytes somewhere after it."""
 
     unit: int  # payload bytes for each that it counts
     most: int  # a greater number is none of this message

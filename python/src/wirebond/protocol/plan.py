@@ -93,7 +93,7 @@ class HeaderNumber:
 
 @dataclass(frozen=True)
 class Exclusion:
-    """A frame is not of this form if a number lies from ``low`` to ``high``; of it ``number.mask`` selects the bits.
+    """A frame is not of this form if a number is from ``low`` to ``high``; ``number.mask`` selects its bits.
 
     ``number`` is where a receiver finds it; None: the payload's size.
     """
@@ -141,7 +141,7 @@ class Form:
 
     @property
     def most_payload(self) -> int:
-        """The greatest payload that its length can tell. Without the length that other forms have it carries none."""
+        """The longest payload that its length can express. Without the length that other forms have it carries none."""
         if self.payload == PayloadRule.FIXED:
             return self.fixed_payload
         if self.payload != PayloadRule.BY_LENGTH:
@@ -158,7 +158,7 @@ class Form:
 
 @dataclass(frozen=True)
 class MatchTest:
-    """A number of a frame: its bits of ``mask`` lie from ``low`` to ``high``; with ``or_next`` or the next test holds.
+    """A number of a frame: its bits of ``mask`` are from ``low`` to ``high``; with ``or_next`` or the next test holds.
 
     ``place``: of a header field, in ``Plan.header``. ``at`` to ``shift``: of a number of the payload.
     """

@@ -1,4 +1,4 @@
-"""A plan is made: which forms frames take, what tells messages apart, which replies only their request tells."""
+"""Makes a plan: which forms frames take, how messages are identified, which replies only their request identifies."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ _MOST_PROBLEMS = 100
 
 @dataclass(frozen=True, order=True)
 class Place:
-    """A place in a text; both count from 1. ``WHOLE_FILE`` stands for no place in particular."""
+    """A place in a text; both count from 1. ``WHOLE_FILE`` means no particular place."""
 
     line: int
     column: int

@@ -1,4 +1,4 @@
-"""The register that works out a check: what a plan tells the engine and generated code about an algorithm."""
+"""The register that computes a check: the plan's description of an algorithm for the engine and generated code."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def session_table(model: Protocol, adapter_latency: float = 0.0) -> bytes:
 
     :param adapter_latency: seconds that the port may hold bytes back: so much longer it waits for the rest of a frame.
 
-    `either` is the format of frames of both ends; None where they cannot be told apart.
+    `either` is the format of frames of both ends; None if they cannot be distinguished.
     """
     is_told = not ids_collide(model) and not ends_look_alike(model.format.parts)
     table = {
@@ -110,7 +110,7 @@ def _field(field: Field) -> Table:
 
 
 def _range(field: Field) -> tuple[float, ...] | None:
-    """Return the bounds, by how much a double may lie beyond them, and the bounds as the wire carries them."""
+    """Return the bounds, by how much a double may exceed them, and the bounds as the wire carries them."""
     accepted = field.accepted_limits
     if field.minimum is None or field.maximum is None or accepted is None:
         return None

@@ -91,7 +91,7 @@ class RecordedFirmware:
         self._note(LinkEvent(self.now, "operator", {"text": line}))
 
     def advance(self, seconds: float) -> bytes:
-        """Let time pass; what the firmware sent meanwhile."""
+        """Let time pass; return the bytes that the firmware sent in it."""
         return self.advance_to(self.now + seconds)
 
     def advance_to(self, until: float) -> bytes:

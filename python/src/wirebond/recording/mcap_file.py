@@ -32,7 +32,7 @@ class Output(Protocol):
 
 @dataclass(frozen=True)
 class Packed:
-    """Message records one behind the other, as ``_engine.packed_records`` makes them. Times are nanoseconds."""
+    """Message records one after the other, as ``_engine.packed_records`` makes them. Times are nanoseconds."""
 
     data: bytes
     places: NDArray[np.uint64]

@@ -62,7 +62,7 @@ def notes_from(metadata: Iterable[Mapping[str, str]]) -> tuple[Note, ...]:
 
 
 def annotate(path: Path, text: str) -> None:
-    """Add a text to a closed recording. A program that is killed meanwhile leaves a file that `wirebond info` closes
+    """Add a text to a closed recording. A program that is killed in between leaves a file that `wirebond info` closes
     again; no message is touched.
 
     :raises UsageError: the text is empty or too long.

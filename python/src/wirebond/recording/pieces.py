@@ -27,7 +27,7 @@ _FAR = 60.0  # seconds; a piece so far from both its neighbours, which are close
 
 @dataclass(frozen=True)
 class Pieces:
-    """Some pieces that lie behind each other. Times are seconds since the start.
+    """Some pieces that follow each other. Times are seconds since the start.
 
     :ivar run: where their bytes are.
     :ivar rows: of each piece in the run.

@@ -130,6 +130,6 @@ class Reading:
                 yield from ((str(end), message) for message in found)
 
     def end_stats(self, sender: End) -> Stats:
-        """Return the account behind the last piece."""
+        """Return the account after the last piece."""
         list(self.finish())
         return self._decoders[sender].stats

@@ -99,7 +99,7 @@ class Recorder:
 
         :param compact: also rewrite it: compressed, with the decoded messages. That takes some seconds for a million
             messages; the file is whole before, and stays so if this is interrupted or the disk is full.
-        :param progress: called as ``progress(done, size)`` meanwhile.
+        :param progress: called as ``progress(done, size)`` in that time.
         """
         with self._lock:
             if self._is_closed:
@@ -128,7 +128,7 @@ class Recorder:
     def compact(self, progress: Progress | None = None) -> None:
         """Rewrite the closed file: compressed, with the decoded messages.
 
-        :param progress: called as ``progress(done, size)`` meanwhile.
+        :param progress: called as ``progress(done, size)`` in that time.
         :raises OSError: it cannot be written; the file is whole, as it was.
         """
         close_recording(self.path, progress=progress)

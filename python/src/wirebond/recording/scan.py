@@ -39,7 +39,7 @@ _WINDOW = 1 << 18  # bytes that are read at once
 
 @dataclass(frozen=True)
 class Run:
-    """Messages that lie behind each other. ``logged`` and ``published`` are nanoseconds."""
+    """Messages that follow each other. ``logged`` and ``published`` are nanoseconds."""
 
     data: Any  # a buffer
     channels: NDArray[np.uint16]
@@ -65,7 +65,7 @@ class Contents:
 
     :ivar problems: sentences: what was cut off or damaged.
     :ivar is_finished: the file has its end.
-    :ivar is_chunked: its messages lie in chunks.
+    :ivar is_chunked: its messages are in chunks.
     """
 
     library: str = ""
@@ -108,7 +108,7 @@ class _Window:
 
 
 class Scan:
-    """One pass over a file: ``runs`` gives the messages in the order of the file and fills ``contents`` meanwhile. It
+    """One pass over a file: ``runs`` gives the messages in the order of the file and fills ``contents`` on the way. It
     has some MiB of the file in memory at a time.
 
     :raises WirebondError: it is no MCAP file.

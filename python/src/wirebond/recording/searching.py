@@ -1,4 +1,4 @@
-"""Finding records in an MCAP file without believing what lies before them: the next one after damage, and the summary
+"""Finding records in an MCAP file without believing the bytes before them: the next one after damage, and the summary
 at the end of the file."""
 
 from __future__ import annotations

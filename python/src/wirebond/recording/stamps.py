@@ -1,4 +1,4 @@
-"""The MCU's time stamps in a recording: its clock, as the exchanges of the clock service that were recorded tell it."""
+"""The MCU's time stamps in a recording: its clock, from the recorded exchanges of the clock service."""
 
 from __future__ import annotations
 

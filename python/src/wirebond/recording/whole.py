@@ -20,7 +20,7 @@ def whole_file(out: Path, *, new: bool = False) -> Iterator[IO[bytes]]:
 
     :param new: nothing may exist at ``out``.
     :raises FileExistsError: ``new``, and something exists there; it is left as it is.
-    :raises OSError: with ``out`` as its ``filename``; nothing was changed, and nothing is left behind.
+    :raises OSError: with ``out`` as its ``filename``; nothing was changed, and no file is left.
     """
     target = out if new else Path(os.path.realpath(out))
     unfinished = target.parent / f".wirebond-{secrets.token_hex(6)}.tmp"

@@ -64,7 +64,7 @@ def places_of(type_: RosType, values: Mapping[str, Any]) -> dict[Steps, tuple[in
 def _place(
     type_: RosType, values: Mapping[str, Any], at: int, path: Steps, places: dict[Steps, tuple[int, str]]
 ) -> int:
-    """Note where each number of this message lies, and how it is packed; the place behind the message."""
+    """Note the place of each number of this message, and how it is packed; return the place after the message."""
     for field in type_.fields:
         value = values.get(field.name, DEFAULTS.get(type_.name, {}).get(field.name, default_of(field)))
         steps = (*path, field.name)

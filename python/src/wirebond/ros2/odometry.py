@@ -1,4 +1,4 @@
-"""From wheel ticks to a pose: arithmetic alone, and the messages of ROS 2 that tell it."""
+"""From wheel ticks to a pose: arithmetic alone, and the messages of ROS 2 for it."""
 
 from __future__ import annotations
 

@@ -105,7 +105,7 @@ class Recordings:
         return self._in_folder().path(name)
 
     def mark(self, text: str, by: str = "") -> None:
-        """Let an event ``mark`` with this text stand in every recording of the link, at this moment.
+        """Add an event ``mark`` with this text to every recording of the link, at this moment.
 
         :param by: who says so.
         :raises UsageError: the text is empty or too long.

@@ -1,4 +1,4 @@
-"""A firmware under virtual time: a process whose clock stands still until the simulation lets it run."""
+"""A firmware under virtual time: a process whose clock stops until the simulation lets it run."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class LockstepFirmware:
         self._write(f"l {line}\n")
 
     def advance(self, seconds: float) -> bytes:
-        """Let time pass; what left the firmware's UART meanwhile."""
+        """Let time pass; return the bytes that left the firmware's UART in it."""
         end = self._now + round(seconds * _US)
         while True:
             arrives = self._arriving[0][0] if self._arriving else end + 1

@@ -1,4 +1,4 @@
-"""Decides whether a virtual MCU moves: it stands still until the host commands motion, as a robot does."""
+"""Decides whether a virtual MCU moves: it is at rest until the host commands motion, as a robot is."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ _IMPERFECT = 0.0005  # from here on a note; a CRC of 16 bits stays far below
 
 @dataclass(frozen=True)
 class Strength:
-    """Accepted shares by fault; ``reference`` is None where the frame does not tell a payload's size by itself."""
+    """Accepted shares by fault; ``reference`` is None if the frame does not give a payload's size by itself."""
 
     faults: dict[str, Measured]
     bit_errors: Measured

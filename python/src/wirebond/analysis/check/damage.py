@@ -1,7 +1,7 @@
 """Bit errors put into frames, and how many of the damaged frames the decoder delivers all the same.
 
 Bits are numbered as a UART sends them: byte by byte, the lowest bit first. Each damaged frame has an intact one before
-and behind it, so that what is measured is the frame's own check and not its neighbours' damage.
+and after it, so that the frame's own check is measured and not its neighbours' damage.
 """
 
 from __future__ import annotations

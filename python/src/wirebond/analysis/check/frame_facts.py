@@ -57,7 +57,7 @@ def has_header_check(form: Form) -> bool:
 
 
 def payload_sizes(form: Form, most: int) -> range | None:
-    """Return the payload sizes up to ``most`` that the length can tell; None in a format without one."""
+    """Return the payload sizes up to ``most`` that the length can express; None in a format without one."""
     if form.length is None:
         return range(1) if form.payload == PayloadRule.BY_LENGTH else None
     greatest = form.length.mask * form.length_unit + form.length_bias

@@ -30,7 +30,7 @@ _FAR_MORE = 4  # times the bound of this file's own receiver
 
 @dataclass(frozen=True)
 class HoldBack:
-    """One direction, in bytes that must come behind the false header before a good frame there is delivered.
+    """One direction, in bytes that must come after the false header before a good frame there is delivered.
 
     ``unbounded_bytes`` is the same for a receiver that believes any length; None where the frame has no length.
     ``checked`` : the header has a check of its own, so that only one that passes it by chance holds anything back.
@@ -61,7 +61,7 @@ class HoldBack:
 
 
 def measure_hold_back(codec: Codec, sender: End, seed: int) -> HoldBack | None:
-    """Feed the worst false header of each form, and good frames behind it, byte by byte.
+    """Feed the worst false header of each form, and good frames after it, byte by byte.
 
     None if this end sends nothing.
     """
@@ -89,7 +89,7 @@ def measure_hold_back(codec: Codec, sender: End, seed: int) -> HoldBack | None:
 
 def _false_headers(model: Protocol, sender: End, most: int) -> tuple[Codec, set[bytes]] | None:
     """Return a receiver that takes any id and size, and for each form the bytes before the largest payload up to
-    ``most`` that its length can tell; None where there is no such receiver."""
+    ``most`` that its length can express; None if there is no such receiver."""
     usual, *others = forms(model, sender)
     possible = payload_sizes(usual, most)
     longest = max([*(possible or ()), *(max(_sizes(form, most), default=0) for form in others)], default=0)

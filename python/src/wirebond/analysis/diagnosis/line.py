@@ -42,7 +42,7 @@ def diagnose(link: Link, seconds: float = math.inf) -> list[Diagnosis]:
     second or two.
 
     :param link: an open one, or one that was just closed.
-    :param seconds: how far it looks back, so that faults that are over are not told; default: as far as the bytes go.
+    :param seconds: how far it looks back, so that ended faults are not reported; default: all bytes.
         A reset loop is reported until the next reset is overdue.
     :returns: causes that the bytes speak for; one of kind ``unknown`` where something is wrong and none is found.
     """

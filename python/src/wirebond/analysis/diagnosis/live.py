@@ -1,4 +1,4 @@
-"""Diagnosis while a link runs: a thread looks every few seconds, and what is over is not told any more."""
+"""Diagnosis while a link runs: a thread checks every few seconds, and ended faults are no longer reported."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _RECENT = 5.0  # seconds of the past that are checked
 
 
 class LiveDiagnosis:
-    """One thread asks. What it starts ends by itself, and holds the link meanwhile."""
+    """Asks by one thread at a time. Each one ends by itself, and holds the link until then."""
 
     def __init__(self, link: Link) -> None:
         self._link = link

@@ -1,4 +1,4 @@
-"""Two layouts of the same message, field by field: what lies elsewhere, what is read as something else."""
+"""Two layouts of the same message, field by field: moved fields, and fields that are read as something else."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def _bytes(fields: Sequence[Field]) -> int | None:
 
 
 def _same_places(before: Fields, after: Fields) -> bool:
-    """Do as many values lie at the same places, under other names?"""
+    """Check whether as many values are at the same places, under other names."""
     if len(before) != len(after):
         return False
     return all(
@@ -257,7 +257,7 @@ def _amount_changes(a: Field, b: Field, old: Fields, new: Fields, where: Where) 
 
 def _counter(field: Field, beside: Fields) -> list[tuple[int | None, int | None, bool]]:
     """Return the places among its fellows of the fields that count this one, of a run also that among the bits, and
-    whether each tells bytes."""
+    whether each counts bytes."""
     found = []
     for name, _ in field.counters:
         outer, _, run = name.partition(".")

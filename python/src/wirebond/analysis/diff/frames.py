@@ -1,4 +1,4 @@
-"""Two frame formats: what stands around the parts, and the parts one by one, judged by the forms that they make."""
+"""Two frame formats: everything around the parts, and the parts one by one, judged by the forms that they make."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ def message_changes(old: Protocol, new: Protocol, routes: list[Sides]) -> Iterat
 
 
 def _renamed(before: dict[str, Message], after: dict[str, Message]) -> dict[str, str]:
-    """Return the old name by the new one, where id, sender and what lies in the payload are the same."""
+    """Return the old name by the new one, if id, sender and payload are the same."""
     found: dict[str, str] = {}
     for name, message in after.items():
         if name in before:

@@ -315,7 +315,7 @@ class _Examination:
         return size
 
     def _counted_size(self, message: Message, prefix: int) -> int:
-        """Return the message's own size, or what its counts tell."""
+        """Return the message's own size, or the one that its counts give."""
         if message.min_payload == message.max_payload:
             return message.max_payload
         return self._end_of(message.layout, prefix, prefix) - prefix

@@ -169,7 +169,7 @@ class _Stretches:
         return f"{message.name} needs {message.min_payload} payload bytes, and here are {payload[1] - payload[0]}"
 
     def _with_delimiters(self, rows: tuple[Row, ...], start: int, begin: int, end: int, stop: int) -> tuple[Row, ...]:
-        """Return the bytes around the content [begin, end) of what lies in [start, stop)."""
+        """Return the bytes of [start, stop) around the content [begin, end)."""
         marks = [
             Row("delimiter", 0, at, self._data[at:behind], b"", text, State.GOOD)
             for at, behind, text in ((start, begin, "opens the frame"), (end, stop, "ends the frame"))

@@ -17,8 +17,8 @@ class State(StrEnum):
 
 @dataclass(frozen=True)
 class Row:
-    """A run of bytes and its name. ``level`` 0: a part of the frame, or what lies around it; 1: a field; 2: a field
-    of that, and so on. A value among the bits of a number has no bytes of its own: they stand in the row before.
+    """A run of bytes and its name. ``level`` 0: a part of the frame, or bytes around it; 1: a field; 2: a field
+    of that, and so on. A value among the bits of a number has no bytes of its own: they are in the row before.
 
     ``data`` is what the wire bytes are after unstuffing; equal to ``wire`` where nothing is stuffed.
     """

@@ -1,6 +1,6 @@
 """A stream as the decoder goes through it: frames, fill, and which candidate's failure each discarded byte carries.
 
-The whole stream lies here in one piece, as if nothing followed it. Work is one verdict for each possible start.
+The whole stream is here in one piece, as if nothing followed it. Work is one verdict for each possible start.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def scan(protocol: Protocol, stream: bytes, sender: End | None) -> Scan:
 
 
 def start_bytes(protocol: Protocol, sender: End | None) -> set[int]:
-    """Return the values that a frame's first byte can have, as far as its constants tell."""
+    """Return the values that a frame's first byte can have, according to its constants."""
     starts = set()
     for form in forms(protocol, sender):
         first = form.parts[0]

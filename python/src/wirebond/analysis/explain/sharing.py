@@ -1,4 +1,4 @@
-"""Messages that share a frame's id and are told apart by `match`: which a frame could be, and what it has instead."""
+"""Messages that share a frame's id and are distinguished by `match`: candidates for a frame, and how it differs."""
 
 from __future__ import annotations
 

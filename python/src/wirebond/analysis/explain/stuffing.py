@@ -11,7 +11,7 @@ from wirebond.protocol.model import Escapes, FrameFormat, Stuffing, decimal_digi
 
 @dataclass(frozen=True)
 class Unstuffed:
-    """``places[i]``: where in the block the frame's byte i begins and ends. ``added``: bytes that stand for none."""
+    """``places[i]``: where in the block the frame's byte i begins and ends. ``added``: bytes that stuffing added."""
 
     block: bytes
     data: bytes

@@ -222,7 +222,7 @@ def _in_characters(field: Field, digits: Digits, start: int, data: bytes, faults
 
 def _spelled_number(field: Field, digits: Digits, spelled: str) -> int | None:
     """Return the whole number that these characters spell; None where they spell none that the field's type holds. What
-    stands behind the last decimal is rounded, halves away from zero."""
+    follows the last decimal is rounded, halves away from zero."""
     if digits.base == 16:
         found = re.fullmatch(r" *\+?([0-9A-Fa-f]+)", spelled)
         number = int(found[1], 16) if found else None

@@ -2,7 +2,7 @@
 
 Chance means: every byte of the stream is drawn by itself, as often as it occurs in the stream. A byte ``b`` then takes
 ``-log2 f(b)`` bits. A format describes a frame with fewer bits: constants, checks and delimiters follow from it. What
-remains to be told is charged: which message, which size, and where frames lie among the other bytes.
+remains unknown is charged: which message, which size, and where frames are among the other bytes.
 The evidence is what is saved less what is charged. Bytes of chance give a format an evidence of ``n`` bits in at most
 one of ``2**n`` cases, whatever its check is. So a weak check cannot win because it has many chances.
 

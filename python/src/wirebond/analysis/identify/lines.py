@@ -58,7 +58,7 @@ class Heard:
 
 
 def lines_for(formats: Sequence[Format]) -> list[Line]:
-    """Return the usual rates without parity, and behind the first of them what the formats themselves say."""
+    """Return the usual rates without parity, and after the first of them the settings of the formats themselves."""
     usual = [Line(baud) for baud in USUAL]
     told = [
         Line(each.model.link.baud, each.model.link.parity, round(each.model.link.stop_bits))

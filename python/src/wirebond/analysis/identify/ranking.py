@@ -53,11 +53,11 @@ class Candidate:
 
     @property
     def frame_share(self) -> float:
-        """The part of the stream's bytes that lie in its frames, 0 to 1."""
+        """The part of the stream's bytes that are in its frames, 0 to 1."""
         return self.frame_bytes / self.size if self.size else 0.0
 
     def shared_with(self, other: Candidate) -> float:
-        """Return the part of this one's bytes in frames that lie in frames of the other, too."""
+        """Return the part of this one's bytes in frames that are in frames of the other, too."""
         others = bytearray(self.size)
         for begin, end in other.places:
             others[begin:end] = b"\1" * (end - begin)

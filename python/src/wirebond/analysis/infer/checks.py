@@ -28,7 +28,7 @@ class Place:
     It covers the bytes from ``first`` up to itself. One that ``looks_ahead`` covers all bytes from ``first`` after
     itself.
 
-    ``hexadecimal``: two digits stand for each byte.
+    ``hexadecimal``: each byte is two digits.
     """
 
     at: int
@@ -75,8 +75,8 @@ def best_check(
     """Return the widest check that most frames have; of equal ones the one that fits most, and covers most.
 
     :param start: bytes that every frame begins with.
-    :param tail: bytes that every frame ends with. The check stands before them.
-    :param in_front: look also behind the start, and not only at the end.
+    :param tail: bytes that every frame ends with. The check is before them.
+    :param in_front: search also after the start, and not only at the end.
     :param whole: places within numbers, where nothing that is covered can begin.
     """
     unlike = _unlike(frames)
@@ -85,7 +85,7 @@ def best_check(
 
 
 def header_check(frames: Sequence[bytes], start: int, before: int) -> Check | None:
-    """Return a check over the first bytes of a frame alone, which stands in front of byte ``before``.
+    """Return a check over the first bytes of a frame alone, which is in front of byte ``before``.
 
     Headers are often alike: each is counted once.
     """

@@ -50,7 +50,7 @@ def column(frames: Sequence[bytes], at: int) -> Column | None:
 
 
 def tells_size(frames: Sequence[bytes], at: int) -> float:
-    """Return the part of the frames whose size the byte at ``at`` tells, if each value goes with one size."""
+    """Return the part of the frames whose size the byte at ``at`` gives, if each value goes with one size."""
     sizes: defaultdict[int, Counter[int]] = defaultdict(Counter)
     for frame in frames:
         if len(frame) > at:

@@ -78,7 +78,7 @@ class Fixed:
 
 @dataclass(frozen=True)
 class Between:
-    """Frames stand between delimiters. ``stuffing``: as the file names it; empty where bytes are sent as they are."""
+    """Frames between delimiters. ``stuffing``: as the file names it; empty if bytes are sent as they are."""
 
     opening: bytes
     closing: bytes
@@ -96,7 +96,7 @@ Rule = ByStart | Between
 @dataclass(frozen=True)
 class Cut:
     """``frames``: the bytes of each, in order; between delimiters without them, and unstuffed. ``covered``: bytes of
-    the stream that lie in them."""
+    the stream that are in them."""
 
     rule: Rule
     start: bytes  # first bytes of every frame; empty between delimiters
@@ -209,7 +209,7 @@ def _by_id(data: bytes, places: Sequence[int], start: int) -> Iterator[Sizes]:
 def _is_no_accident(frames: int, tried: int, share: float) -> bool:
     """Return whether chance rarely leads from this many of the ``tried`` starts to another start.
 
-    :param share: part of all places at which a start stands.
+    :param share: part of all places that have a start.
     """
     return share < 1 and chance_of(1 / share, _RULES, Together(frames, tried)) < _CHANCE
 

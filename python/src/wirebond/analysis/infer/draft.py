@@ -60,7 +60,7 @@ class _Writer:
 
     @property
     def behind(self) -> int:
-        """Bytes behind the payload."""
+        """Bytes after the payload."""
         check = self.check
         if check is None or check.place.looks_ahead:
             return len(self.cut.tail)
@@ -314,7 +314,7 @@ def draft(cut: Cut, check: Check | None, name: str, source: str, sender: End, *,
 
     :param source: where the bytes are from, for the first line.
     :param sender: whose bytes they are.
-    :param with_id: look for a byte that tells messages apart.
+    :param with_id: find a byte that distinguishes messages.
     """
     try:
         return _Writer(cut, check, with_id, sender).write(name, source)

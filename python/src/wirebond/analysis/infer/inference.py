@@ -26,7 +26,7 @@ class Inference:
     :ivar model: the protocol that ``text`` describes.
     :ivar text: the file, with the evidence for each line as a comment.
     :ivar candidate: what it finds in the bytes.
-    :ivar draft: the cut and the check behind it, and what is uncertain.
+    :ivar draft: the cut and the check it is based on, and its uncertainties.
     """
 
     model: Protocol

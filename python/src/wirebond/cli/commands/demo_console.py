@@ -1,4 +1,4 @@
-"""``wirebond demo`` in a browser: the simulated rover behind a console, driven until a person takes over."""
+"""``wirebond demo`` in a browser: the simulated rover with a console, driven until a person takes over."""
 
 from __future__ import annotations
 

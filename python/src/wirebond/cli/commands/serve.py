@@ -161,7 +161,7 @@ def _refuse_without_unix_sockets(given: Serving) -> None:
 
 
 def _behind(address: tuple[str, int] | None, number: int) -> tuple[str, int] | None:
-    """Return the address of the link with this number: each has the port behind that of the one before.
+    """Return the address of the link with this number: each has the port after that of the one before.
 
     :raises UsageError: there is none.
     """

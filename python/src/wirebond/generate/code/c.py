@@ -1,4 +1,4 @@
-"""C99 for one protocol: headers for C firmware, and the .cpp behind each that hands every call on to a C++ header."""
+"""C99 for one protocol: headers for C firmware, and a .cpp for each that passes every call on to a C++ header."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from wirebond.protocol.planning import plan_for
 
 
 def generate_c(protocol: Protocol, out: Path, *, amalgamate: bool = False) -> list[Path]:
-    """Write ``<protocol>.h`` and ``.cpp``, ``<protocol>_link.h`` and ``.cpp``, the C++ headers behind them, the core
+    """Write ``<protocol>.h`` and ``.cpp``, ``<protocol>_link.h`` and ``.cpp``, their C++ headers, the core
     headers and a ``CMakeLists.txt`` into ``out``; return their paths, sorted.
 
     With ``amalgamate`` it is the first four files alone. As ``generate_cpp`` otherwise.

@@ -50,7 +50,7 @@ class Names:
     def claim(self, *words: str, suffix: str = "") -> str:
         """Claim a name: ``claim("velocity", suffix="_t")`` is ``diffdrive_velocity_t``, unless that is taken.
 
-        The struct behind a type has the type's name without ``_t``; it may not be another type's name.
+        The struct of a type has the type's name without ``_t``; it may not be another type's name.
         """
         base = "_".join((self._prefix, *map(code_name, words)))
         candidate, number = base, 1

@@ -1,4 +1,4 @@
-"""Structs of fields as C: each lies in memory as the C++ struct of the same fields does, member for member."""
+"""Structs of fields as C: each is in memory as the C++ struct of the same fields, member for member."""
 
 from __future__ import annotations
 

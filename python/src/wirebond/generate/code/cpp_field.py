@@ -27,7 +27,7 @@ def comment_text(text: str) -> str:
     """Make a text safe in a comment of either kind: one line, no control characters, no backslash at the end.
 
     C joins a line that ends in ``??/`` with the next one, for that trigraph is a backslash; so no two question marks
-    stay side by side. A space also stands within ``*/`` and ``/*``.
+    stay side by side. A space also separates ``*/`` and ``/*``.
     """
     line = " ".join("".join(c if c.isprintable() else " " for c in text).split())
     for mark in ("??", "*/", "/*"):

@@ -19,7 +19,7 @@ def shapes(protocol: Protocol) -> tuple[dict[str, Shape], dict[str, Shape]]:
 
 
 def message_shapes(protocol: Protocol) -> dict[str, Shape]:
-    """Return the struct of each message and what lies in it, by the message's name."""
+    """Return the struct of each message and its inner types, by the message's name."""
     return shapes(protocol)[1]
 
 

@@ -29,7 +29,7 @@ _LOCALS = frozenset({"message", "payload", "size", "spare", "found", "wire", "bi
 
 @dataclass(frozen=True)
 class _Told:
-    """The variable that holds what a field that counts has told."""
+    """The variable that holds the number of a field that counts."""
 
     variable: str
     bits: int
@@ -62,7 +62,7 @@ class Reader:
         self._trims_zeros = trims_zeros
 
     def lines(self, shape: Shape, here: Here | None = None) -> list[str]:
-        """Return the body of decode behind the check of its size, up to `return true`."""
+        """Return the body of decode after the check of its size, up to `return true`."""
         here = here or Here()
         lines: list[str] = []
         told: dict[str, _Told] = {}
@@ -95,7 +95,7 @@ class Reader:
         return lines
 
     def _tell(self, name: str, spec: Field, slot: Slot, told: dict[str, _Told]) -> str:
-        """Keep what a field that counts tells."""
+        """Keep the number of a field that counts."""
         told[name] = _Told(self._locals.claim(f"{names.code_name(spec.name)}_count", "_"), spec.width)
         return f"const auto {told[name].variable} = {load_integer(spec, slot)};"
 

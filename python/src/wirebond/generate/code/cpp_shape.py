@@ -68,7 +68,7 @@ def shape_of(path: str, parts: Sequence[Step | BitMember], named: Mapping[str, S
 
 
 def named_shapes(protocol: Protocol, scope: names.Scope) -> dict[str, Shape]:
-    """Return the structs of the file's types that messages use, each behind those that it needs."""
+    """Return the structs of the file's types that messages use, each after those that it needs."""
     found: dict[str, Shape] = {}
 
     def visit(fields: tuple[Field, ...]) -> None:

@@ -1,6 +1,6 @@
 """Finds the places of a message's values in its payload, for the lines that write, read and check them.
 
-A place in the payload is ``payload`` and a number known here. Where fields of varying size lie before it, ``payload``
+A place in the payload is ``payload`` and a number known here. After fields of varying size, ``payload``
 itself is moved on by what they take beyond their least; so these lines read like those of plain messages.
 """
 

@@ -78,7 +78,7 @@ def _agree_lines(told: tuple[Told, ...], value: str, counted: Mapping[str, str])
 
 
 def _count_lines(shape: Shape, here: Here, name: str, counted: dict[str, str]) -> list[str]:
-    """Note what a field that counts is given; the lines that refuse more than it may tell."""
+    """Note the number of a field that counts; the lines that refuse more than it can express."""
     first, per = next((m, per) for m in shape.members for counter, per in m.spec.counters if counter == name)
     size = f"{here.value}.{first.name}.size"
     is_refused = any(number.endswith(size) for number in counted.values())

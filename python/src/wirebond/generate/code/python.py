@@ -38,7 +38,7 @@ _LINE = 100  # longest text of a line within a method
 def generate_python(protocol: Protocol, out: Path) -> list[Path]:
     """Write ``<protocol>.py`` into ``out``; return its path. As ``generate_cpp`` otherwise.
 
-    The module loads the protocol file from where it lies, as seen from ``out``, and checks its hash.
+    The module loads the protocol file from its place, as seen from ``out``, and checks its hash.
     ``UsageError`` for a protocol that came out of no file.
     """
     return write_files(out, python_files(protocol, out))
@@ -57,7 +57,7 @@ def module_name(protocol: Protocol) -> str:
 
 
 def python_module(protocol: Protocol, out: Path) -> str:
-    """Return the text of the module when it lies in ``out``."""
+    """Return the text of the module in ``out``."""
     header = header_fields(protocol.format.parts)
     writer = _Writer(has_header=bool(header))
     claimed = [writer.claim(type_name(m.name), "Message") for m in protocol.messages]  # before types of fields
@@ -182,7 +182,7 @@ class _Writer:
         return self._scope.claim(name, suffix)
 
     def struct(self, name: str, fields: tuple[Field, ...], taken: frozenset[str] = frozenset()) -> StructBlock:
-        """Return the class ``name``, which was claimed, behind those that it needs. ``taken``: names of its own."""
+        """Return the class ``name``, which was claimed, after those that it needs. ``taken``: names of its own."""
         scope = Scope(self._taken | taken)
         block = StructBlock(
             name,

@@ -36,7 +36,7 @@ class Names:
         self._next: dict[str, int] = {}  # for a word that was taken, the number to try first
 
     def take(self, name: str) -> str:
-        """Return the word for a name of C, with a number behind it where the word was given before."""
+        """Return the word for a name of C, followed by a number if the word was given before."""
         words = words_of(name)
         while self._are_types and len(words) > 1 and words[-1] in _ENDINGS:
             words.pop()

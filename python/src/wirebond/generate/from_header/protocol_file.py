@@ -1,4 +1,4 @@
-"""The text of a first protocol file from what a header declares, with a comment on all that it could not tell."""
+"""The text of a first protocol file from a header's declarations, with a comment on all that it lacks."""
 
 from __future__ import annotations
 

@@ -13,8 +13,8 @@ from wirebond.whole_file import write_whole
 def write_new(path: Path, text: str) -> None:
     """Write ``text`` to a file that must not exist yet; its folder must.
 
-    :raises UsageError: something lies there already.
-    :raises OSError: the file cannot be written; nothing is left behind.
+    :raises UsageError: a file is there already.
+    :raises OSError: the file cannot be written; none is left.
     """
     try:
         write_whole(path, text, new=True)

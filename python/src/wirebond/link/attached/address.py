@@ -33,7 +33,7 @@ class ServerAddress:
 
 
 def server_address(text: str) -> ServerAddress:
-    """Read the address of a server. A token stands in it, or in the environment variable ``WIREBOND_TOKEN``.
+    """Read the address of a server. Its token is in it, or in the environment variable ``WIREBOND_TOKEN``.
 
     :raises UsageError: it is none.
     """

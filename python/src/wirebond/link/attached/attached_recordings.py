@@ -39,7 +39,7 @@ class ServerRecordings:
         return [_one(found) for found in self._engine.of_recordings(words.ListRecordings())]
 
     def mark(self, text: str) -> None:
-        """Let an event ``mark`` with this text stand in every recording of the link, at this moment."""
+        """Add an event ``mark`` with this text to every recording of the link, at this moment."""
         self._engine.of_recordings(words.Mark(text=text))
 
     def annotate(self, name: str, text: str) -> StoredRecording:

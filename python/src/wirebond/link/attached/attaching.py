@@ -49,7 +49,7 @@ def name_of_program() -> str:
 
 def comes(event: threading.Event, seconds: float) -> bool:
     """Wait so long for it. Time in which this process stood still counts as one look: the answer may have come
-    meanwhile, and the thread that reads it has had no time."""
+    in that time, and the thread that reads it has had none."""
     return any(event.wait(seconds / LOOKS) for _ in range(LOOKS))
 
 
@@ -145,7 +145,7 @@ def _no_server(address: ServerAddress, error: Exception) -> PortError:
 
 
 def _first(found: socket.socket, splitter: words.Splitter) -> tuple[dict[str, Any], list[tuple[int, bytes]]]:
-    """Return the server's answer to the first message, and what came behind it."""
+    """Return the server's answer to the first message, and the bytes after it."""
     while True:
         data = found.recv(1 << 16)
         if not data:

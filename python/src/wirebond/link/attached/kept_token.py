@@ -1,7 +1,7 @@
 """The token of this user's servers on this computer, kept in a file that only this user can read.
 
 A server that starts again has the same token, so that pages and programs that are open attach again by themselves. The
-file lies beside the sockets; the system removes it with them when the user logs out or the computer starts again.
+file is beside the sockets; the system removes it with them when the user logs out or the computer starts again.
 """
 
 from __future__ import annotations

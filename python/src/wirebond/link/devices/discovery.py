@@ -6,8 +6,8 @@ apart:
 - A terminal with hardware has a link ``device``. Consoles, ptys and the like have none. Two kinds of real ports have
   none either: ``ttyGS`` (this computer is the USB device) and ``rfcomm`` (Bluetooth).
 - The driver 8250 makes ``ttyS0`` to ``ttyS31`` in advance. The file ``type`` of a port without a UART is 0
-  (Documentation/ABI/testing/sysfs-tty). Bus and driver do not tell: since Linux 6.5 both kinds look alike there.
-- What a USB device says of itself stands in the folders above ``device``: first the interface, then the device.
+  (Documentation/ABI/testing/sysfs-tty). Bus and driver do not help: since Linux 6.5 both kinds are alike there.
+- The strings of a USB device are in the folders above ``device``: first the interface, then the device.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Values that share a number's bits, as the file lists them; some of their bits may stand apart from the others."""
+"""Values that share a number's bits, as the file lists them; some of their bits may be apart from the others."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from wirebond.protocol.text.yaml_tree import Mapping
 
 
 class BitMembers:
-    """Reads what stands below ``fields`` of a number's bits."""
+    """Reads the entries below ``fields`` of a number's bits."""
 
     def __init__(self, node: Mapping, problems: Problems) -> None:
         self._node = node

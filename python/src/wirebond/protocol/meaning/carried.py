@@ -86,7 +86,7 @@ def _can_be_sent(form: Form, fields: Mapping[str, Field]) -> bool:
 
 
 def _allowed(field: Field) -> Intervals:
-    """Return the bits of the values that a header field may have; empty: any, as far as is easily told."""
+    """Return the bits of the values that a header field may have; empty: any, as far as is easily known."""
     if field.enum:
         return tuple((bits, bits) for bits in sorted({field.wire_bits(name) for name, _ in field.enum}))
     if not field.is_unsigned or field.is_scaled or field.minimum is None or field.maximum is None:

@@ -1,4 +1,4 @@
-"""The checks of a frame among its other parts: what they cover, where they lie, and in which order they are known."""
+"""The checks of a frame among its other parts: what they cover, where they are, and in which order they are known."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ class ChecksAmongParts:
 
 
 def with_decimal_check(parts: list[Part], nodes: list[Mapping], envelope: Envelope, wrong: Wrong) -> Envelope:
-    """Return the envelope with a check in decimal digits. It has no fixed size: it lies between a constant and the
+    """Return the envelope with a check in decimal digits. It has no fixed size: it is between a constant and the
     delimiter."""
     index = next((index for index, part in enumerate(parts) if part.as_decimal), None)
     if index is None:

@@ -1,4 +1,4 @@
-"""The conditions of a frame's parts: what their names and values mean, and where what they name may stand."""
+"""The conditions of a frame's parts: the meaning of their names and values, and where the named parts may be."""
 
 from __future__ import annotations
 

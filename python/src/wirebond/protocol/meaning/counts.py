@@ -16,7 +16,7 @@ Earlier = AbstractMapping[str, Field]
 
 @dataclass(frozen=True)
 class Amount:
-    """A fixed number, or what tells a varying one: nothing where it is the payload's end."""
+    """A fixed number, or the fields that give a varying one: none if it reaches to the payload's end."""
 
     fixed: int | None = None
     counted_by: str = ""
@@ -31,7 +31,7 @@ class Amount:
 
 @dataclass(frozen=True)
 class Counting:
-    """One `count` or `size`: the mapping that it stands in, the fields before it, and what is counted.
+    """One `count` or `size`: the mapping that it is in, the fields before it, and the counted field.
 
     ``step``: wire bytes of one element; 0 where each has its own.
     """

@@ -106,7 +106,7 @@ class Draft:
         return next(found, None)
 
     def longest_by_length(self, sender: End | None = None) -> int | None:
-        """Return the longest payload that a length can tell, of all forms that frames of this sender have; None without
+        """Return the longest payload that a length can give, of all forms that frames of this sender have; None without
         a length. A message of both ends must fit the forms of each. Where the length counts the bytes on the wire, at
         most ``MAX_SIZE``."""
         if self.length_part is None:

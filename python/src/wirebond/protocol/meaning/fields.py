@@ -86,7 +86,7 @@ def read_bit_field(
 ) -> Field | None:
     """Read one of the values that share a number's bits, as `read_plain`.
 
-    ``continued``: bits of it that stand elsewhere among them.
+    ``continued``: bits of it that are elsewhere among them.
     """
     return _BitFieldReader(syntax, syntax.type, node, problems).read(name, syntax, continued)
 

@@ -21,7 +21,7 @@ class ValueReader:
     """Reads the values of one message and reports at their places what is wrong.
 
     :ivar what: who gives them, for sentences: "the example".
-    :ivar beside: do the values of the message stand beside its name, so that some names need `fields`?
+    :ivar beside: whether the message's values are beside its name, so that some names need `fields`.
     """
 
     what: str
@@ -38,7 +38,7 @@ class ValueReader:
     ) -> dict[str, GivenValue] | None:
         """Return the values of a message's fields; None after reporting what is wrong.
 
-        :param places: the mapping in which each name of ``given`` stands.
+        :param places: the mapping in which each name of ``given`` is.
         :param at: of the whole message.
         """
         known = {field.name: field for field in fields if field.has_value}

@@ -58,7 +58,7 @@ def receiver_of(end: End) -> End:
 
 
 def spoken(end: End) -> str:
-    """Return the end in a sentence, behind "the"."""
+    """Return the end in a sentence, after "the"."""
     return "MCU" if end == End.MCU else end.value
 
 

@@ -27,7 +27,7 @@ def read_plain(
 ) -> Field | None:
     """Return the field, or None when something about it was wrong and has been reported.
 
-    ``earlier``: the fields before it, beside it; one of them may tell its number of elements or bytes.
+    ``earlier``: the fields before it, beside it; one of them may count its elements or bytes.
     """
     return _PlainReader(syntax, syntax.type, node, problems).read(name, syntax, order, earlier)
 

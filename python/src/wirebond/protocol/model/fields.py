@@ -236,7 +236,7 @@ class Field:
     @property
     def accepted_limits(self) -> tuple[float, float] | None:
         """Least and greatest value that breaks no rule, where it has a range. A bound that a float does not hold
-        arrives as the next float, which may lie beyond it: 0.3 in 32 bits as 0.30000001. An MCU that scales a float
+        arrives as the next float, which may be beyond it: 0.3 in 32 bits as 0.30000001. An MCU that scales a float
         loses some units in its last place besides."""
         if self.minimum is None or self.maximum is None or not self.is_float:
             return None if self.minimum is None or self.maximum is None else (self.minimum, self.maximum)
@@ -324,7 +324,7 @@ class Field:
 
     @property
     def counters(self) -> tuple[tuple[str, int], ...]:
-        """The fields that count it, each with what it tells for one element or byte. The first says how many there are;
+        """The fields that count it, each with its number for one element or byte. The first one counts the elements;
         another one agrees with it."""
         step = 1 if self.is_string else self.element_min_bytes
         first = ((self.counted_by, step if self.counted_in_bytes else 1),) if self.counted_by else ()
@@ -332,7 +332,7 @@ class Field:
 
     @property
     def element_min_bytes(self) -> int:
-        """Least wire bytes of one element; of a bit field, which lies in a number's bytes, 0."""
+        """Minimum wire bytes of one element; of a bit field, which is in a number's bytes, 0."""
         return sum(f.min_wire_bytes for f in self.fields) if self.kind == FieldKind.STRUCT else self.size
 
     @property

@@ -172,7 +172,7 @@ SENDER_NUMBERS = {End.HOST: 0, End.MCU: 1}
 
 @dataclass(frozen=True)
 class Comparison:
-    """``subject & mask`` lies in one of ``ranges``. It does not hold where the subject is not in the frame."""
+    """``subject & mask`` is in one of ``ranges``. It does not hold if the subject is not in the frame."""
 
     subject: Subject
     ranges: tuple[tuple[int, int], ...]  # rising and apart, both bounds included
@@ -278,7 +278,7 @@ class Stuffing(StrEnum):
 
 @dataclass(frozen=True)
 class Escapes:
-    """Byte stuffing by an escape byte: each of ``pairs`` is (byte that must not appear, code behind the escape).
+    """Byte stuffing by an escape byte: each of ``pairs`` is (byte that must not appear, code after the escape).
 
     With ``exclusive_or`` every code is its byte xor that value, and a receiver takes any escaped byte.
     """
@@ -295,7 +295,7 @@ class Escapes:
 
 @dataclass(frozen=True)
 class Insertion:
-    """Behind the bytes ``after``, wherever they stand among the stuffed ones, ``byte`` is sent."""
+    """After the bytes ``after``, anywhere among the stuffed ones, ``byte`` is sent."""
 
     after: bytes
     byte: int
@@ -331,7 +331,7 @@ class FrameFormat:
 
     @property
     def length_on_wire(self) -> bool:
-        """Does the length count the bytes as they are sent? Where it ends a stuffed frame and stands beside them."""
+        """Whether the length counts the bytes as they are sent: if it ends a stuffed frame, and is not stuffed."""
         return self.is_sized and any(
             part.is_plain and (part.kind == PartKind.LENGTH or any(run.role == BitRole.LENGTH for run in part.bits))
             for part in self.parts

@@ -19,10 +19,10 @@ from wirebond.protocol.model.fields import BitOrder, Field, FieldKind
 
 @dataclass(frozen=True)
 class Told:
-    """A number among earlier steps that tells how many elements or bytes a step has.
+    """A number among earlier steps that counts elements or bytes of a step.
 
     :ivar name: of its field; `state.number` of one among the bits of `state`.
-    :ivar slot: which of the numbers that tell something, in its list of steps.
+    :ivar slot: its index in the list of steps' counts.
     :ivar per: what it counts for each element or byte.
     """
 
@@ -60,7 +60,7 @@ class Constant(_Step):
 class Number(_Step):
     """One number or bool, in whole bytes.
 
-    :ivar slot: see `Told`; None: it tells nothing.
+    :ivar slot: see `Told`; None: it counts nothing.
     """
 
     slot: int | None
@@ -148,7 +148,7 @@ class List(_Step):
     """A varying number of elements: of numbers or bools, or of ``steps``.
 
     :ivar stride: least bytes of one element.
-    :ivar told: what tells how many there are; empty: as many as the payload has.
+    :ivar told: the counts of its elements; empty: as many as the payload has.
     """
 
     steps: tuple[Step, ...]
@@ -172,7 +172,7 @@ def layout_of(fields: tuple[Field, ...]) -> tuple[Step, ...]:
 def members_of(container: Field, slots: Mapping[str, int] = MappingProxyType({})) -> tuple[BitMember, ...]:
     """Return the values that share a number's bits.
 
-    :param slots: of numbers that tell something: see `Told`.
+    :param slots: of numbers that count: see `Told`.
     """
     members = []
     passed = 0

@@ -1,4 +1,4 @@
-"""Messages: who sends them, what tells them apart, how they wait."""
+"""Messages: their senders, their conditions, and how they are queued."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class PayloadPlace:
 
 @dataclass(frozen=True)
 class Match:
-    """Frames of a message have this: a number of ``width`` bits of which the bits of ``mask`` lie in one of ``ranges``.
+    """Frames of a message have this: a number of ``width`` bits of which the bits of ``mask`` are in one of ``ranges``.
 
     ``width`` is 32 for an id, whatever the frame's id part holds.
     """

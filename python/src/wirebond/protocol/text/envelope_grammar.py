@@ -109,7 +109,7 @@ class HexPart(Syntax):
 
 
 class Inserted(Syntax):
-    """A byte that is inserted behind a sequence."""
+    """A byte that is inserted after a sequence."""
 
     noun = "`inserted`"
 
@@ -121,7 +121,7 @@ class Inserted(Syntax):
 
 
 class InsertedPart(Syntax):
-    """Parts in which a byte is inserted behind a sequence."""
+    """Parts in which a byte is inserted after a sequence."""
 
     noun = "an `inserted` part"
     inserted: Inserted = Field(description="The sequence, the byte after it, and the parts that it covers.")

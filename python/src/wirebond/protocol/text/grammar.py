@@ -1,4 +1,4 @@
-"""The syntax of a protocol file, as models: which keys stand where, which values they take, what each is for.
+"""The syntax of a protocol file, as models: the keys and their places, their values, and their purpose.
 
 The descriptions are published in the JSON Schema. What keys mean together is not validated here (see ``frames``,
 ``messages`` and ``references``).

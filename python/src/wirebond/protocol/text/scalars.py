@@ -391,7 +391,7 @@ class WireType:
 
 
 def both_orders(word: str, kind: FieldKind, size: int, coding: Coding = UNSIGNED) -> dict[str, WireType]:
-    """Return a number's type by its word, and with a byte order behind it where it has several bytes."""
+    """Return a number's type by its word, followed by a byte order if it has several bytes."""
     orders = {"": None, "le": ByteOrder.LITTLE, "be": ByteOrder.BIG} if size > 1 else {"": None}
     return {
         word + ending: WireType(word + ending, kind, size, order, coding=coding) for ending, order in orders.items()

@@ -29,7 +29,7 @@ def written_out(root: Node) -> Node:
 
 
 class _Fields:
-    """:param types: names of the file's types, each of which may stand for a struct."""
+    """:param types: names of the file's types, each of which may be used as a struct."""
 
     def __init__(self, types: Collection[str]) -> None:
         self._types = types

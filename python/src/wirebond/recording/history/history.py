@@ -23,7 +23,7 @@ _NARROW = 16  # bits of a scaled whole number, whose values a small float holds
 
 class History:
     """:param most: bytes that are kept of all messages; the oldest go first. None: all.
-    :param tables: of each end, all messages without rows: they tell the columns.
+    :param tables: of each end, all messages without rows: they define the columns.
     :ivar beside: bytes that are kept beside the rows, and count in.
     """
 

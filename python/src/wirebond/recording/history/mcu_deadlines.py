@@ -34,7 +34,7 @@ class _Watch:
 
 
 class McuDeadlines:
-    """:param model: whose deadlines they are. Addresses are not told apart: what one device was sent, all were."""
+    """:param model: whose deadlines they are. Addresses are not distinguished: frames for one device count for all."""
 
     def __init__(self, model: Protocol) -> None:
         self._model = model

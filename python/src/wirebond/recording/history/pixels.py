@@ -21,7 +21,7 @@ _WIDE = frozenset("iuf")
 class Pixels:
     """Rows of equal length: the time of a pixel's first sample, its least and its greatest value. NaN: a gap.
 
-    :ivar open: the time of the first row that later samples may change; or, where there is a gap behind it, of the
+    :ivar open: the time of the first row that later samples may change; or, if there is a gap after it, of the
         last row before that.
     """
 

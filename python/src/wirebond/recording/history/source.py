@@ -203,7 +203,7 @@ class Source:
     def entries(
         self, most: int, name: str | None, with_discards: bool, until: float | None = None
     ) -> list[tuple[End, Entry, Message | None]]:
-        """Return the last frames, and what lies between frames, of both ends in the order of time."""
+        """Return the last frames, and the bytes between frames, of both ends in the order of time."""
         with self._lock:
             if is_raw(self.codec):
                 reads = [(end, entry) for end in ENDS for entry in self.streams[end].reads(most)]

@@ -1,4 +1,4 @@
-"""One direction of a line: its newest bytes, the frames in them, and what lies between frames. No thread, no clock."""
+"""One direction of a line: its newest bytes, the frames in them, and the bytes between frames. No thread, no clock."""
 
 from __future__ import annotations
 
@@ -211,7 +211,7 @@ class Stream:
         """Return the last entries, oldest first.
 
         :param name: frames of this message alone; None: all; empty: none, and no delimiters either.
-        :param until: none that came behind this time.
+        :param until: none that came after this time.
         """
         found: list[Entry] = []
         wanted = None if name is None else self._numbers.get(name, -1)

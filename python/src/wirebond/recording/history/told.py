@@ -1,4 +1,4 @@
-"""A message as programs are told of it: names and plain values."""
+"""A message for other programs: names and plain values."""
 
 from __future__ import annotations
 

@@ -157,7 +157,7 @@ def source_reader(source: Source, getter: Getter | None, constants: Mapping[str,
 class Reading:
     """Gives the value of one field.
 
-    :ivar chosen: what stands for each of its values; None: the value itself.
+    :ivar chosen: the replacement of each of its values; None: the value itself.
     :ivar as_text: a name becomes a text.
     :ivar convert: of a field whose value is no number, such as flags: makes one of it, as the wire has it.
     """

@@ -1,4 +1,4 @@
-"""The syntax of a mapping file: which keys stand where, which values they take. What they mean is in `reader`."""
+"""The syntax of a mapping file: the keys with their places and values. Their meaning is in `reader`."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Source:
     """The source of a value.
 
     :ivar path: a field of the other side, as ``state.estop``; empty: ``constant`` is the value.
-    :ivar choose: what stands for each of its values; empty: the value itself.
+    :ivar choose: the replacement of each of its values; empty: the value itself.
     """
 
     path: str = ""

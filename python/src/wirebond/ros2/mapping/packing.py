@@ -36,7 +36,7 @@ class PackPlan:
 
     :ivar message: of the protocol.
     :ivar data: the topic's bytes, with every constant.
-    :ivar seconds: where the seconds of a stamp lie, ``nanoseconds`` where its nanoseconds.
+    :ivar seconds: the place of a stamp's seconds, ``nanoseconds`` that of its nanoseconds.
     """
 
     message: str

@@ -60,7 +60,7 @@ class Measurement:
     """The measurements so far; times in seconds.
 
     :ivar round_trips: from the moment in which the request was handed to the port to that in which the reply was read.
-    :ivar to_mcu: one way, where the MCU's clock is known; the exchanges of the clock service tell.
+    :ivar to_mcu: one way, if the MCU's clock is known from the exchanges of the clock service.
     :ivar to_host: the other way.
     :ivar one_way_error: by how much a time of one way is wrong at most.
     :ivar asked: requests.

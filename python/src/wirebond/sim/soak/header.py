@@ -1,4 +1,4 @@
-"""The C++ header that tells a soak's program what it runs."""
+"""The C++ header that a soak's program is compiled with."""
 
 from __future__ import annotations
 

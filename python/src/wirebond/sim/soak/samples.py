@@ -1,4 +1,4 @@
-"""Frames that a soak offers again and again, told apart by a running number where their payload has room for it."""
+"""Frames that a soak offers again and again, distinguished by a running number if their payload can hold it."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ _HEX_DIGITS = string.hexdigits.encode()
 
 @dataclass(frozen=True)
 class _Failed:
-    """The check that does not hold, and what stands there."""
+    """The check that does not hold, and its bytes."""
 
     index: int
     parts: tuple[Part, ...]
@@ -45,7 +45,7 @@ class _Failed:
 
     @property
     def is_value(self) -> bool:
-        """False: the check is sent as hex digits, and what stands there is none."""
+        """False: the check is sent as hex digits, and the received characters are none."""
         return not self.part.as_hex or all(byte in _HEX_DIGITS for byte in self.found)
 
     def covered(self, data: bytes, ranges: Ranges | None = None) -> bytes:
@@ -339,7 +339,7 @@ def solved(cases: Sequence[Case], *, thorough: bool) -> Solved | None:
 
 
 def _number(failed: _Failed, order: ByteOrder) -> int:
-    """Return the value that stands as the check."""
+    """Return the received check value."""
     if failed.part.as_hex:
         return int(failed.found, 16)
     return int.from_bytes(failed.found, "big" if order == ByteOrder.BIG else "little")

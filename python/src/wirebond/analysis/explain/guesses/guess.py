@@ -106,7 +106,7 @@ Fitting = tuple[Verdict, bytes]
 def test(guess: Guess) -> Fitting | None:
     """Return the frame that the bytes are if the guess is right, or None.
 
-    Bytes behind the frame are taken only where its checks carry the proof: else any bytes would hold some frame.
+    Bytes after the frame are taken only if its checks prove it: otherwise any bytes would hold some frame.
     """
     found = look(guess.protocol, guess.block, guess.sender)
     if found is None or not found[0].is_frame:
@@ -168,7 +168,7 @@ def with_part(protocol: Protocol, parts: tuple[Part, ...], index: int, part: Par
 
 
 def _under(part: Part, old: bytes, new: bytes) -> Part:
-    """Return a part that stands under the magic ``old`` stands under ``new`` instead: the form keeps its parts."""
+    """Move a part from the magic ``old`` to ``new``: the form keeps its parts."""
     return part if part.condition is None else replace(part, condition=_with_magic(part.condition, old, new))
 
 

@@ -1,4 +1,4 @@
-"""The steps behind the register: which negation, addend, mask and final xor make these values of those registers."""
+"""The steps after the register: which negation, addend, mask and final xor make these values of those registers."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ LEAST_SAMPLES = 4  # that differ
 
 
 class Sample(NamedTuple):
-    """One frame's covered bytes and the number that stands as their check."""
+    """One frame's covered bytes and the number in the place of their check."""
 
     covered: bytes
     value: int
@@ -23,7 +23,7 @@ def words(data: bytes, unit: int, order: Order) -> list[int]:
 
 
 def tail(data: bytes, unit: int) -> bytes:
-    """Return the bytes behind the last whole word."""
+    """Return the bytes after the last whole word."""
     return data[len(data) - len(data) % unit :]
 
 

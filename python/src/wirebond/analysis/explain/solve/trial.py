@@ -66,7 +66,7 @@ def _with_lowest_bit(
 
 
 def _registers(data: bytes, polynomials: Polynomials, width: int, init: int) -> Polynomials:
-    """Return the register behind these bytes, for each polynomial."""
+    """Return the register after these bytes, for each polynomial."""
     one, top, every = np.uint64(1), np.uint64(width - 1), np.uint64((1 << width) - 1)
     register = np.full(len(polynomials), init, dtype=np.uint64)
     for byte in data:
