@@ -38,6 +38,10 @@ screenshots: build/setup-test.stamp ## pictures of the console into docs/images 
 test: build/setup-test.stamp lint ## all tests but the long ones, in about twelve minutes
 	@$(PYTHON) -m tests.runner --workers $(WORKERS)
 
+.PHONY: test-paused
+test-paused: build/setup-test.stamp ## the live tests while their processes are suspended at random, in about 25 minutes
+	@$(PYTHON) -m tests.runner.pauses $(PYTHON) -m pytest -q -n $(WORKERS) -m "live and not long and not timed"
+
 .PHONY: check
 check: build/requirements-dev.stamp ## lint and the pure tests that your edits reach, in a minute (SINCE=COMMIT: since then)
 	@$(PYTHON) -m tests.runner.check --since $(or $(SINCE),HEAD)
