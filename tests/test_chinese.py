@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import errno
+import itertools
 import os
 import re
 from collections.abc import Iterator
@@ -68,6 +69,27 @@ def test_each_sentence_for_the_page_has_a_chinese_one() -> None:
     said = {text for text in said if " " in text.strip() and not NOT_SHOWN.search(text)}
     assert len(said) > 40  # it finds them
     assert sorted(text for text in said if chinese(text) is None) == []
+
+
+def word_pairs(text: str) -> list[tuple[str, str]]:
+    words = re.findall("[A-Za-z']+", text)
+    return list(itertools.pairwise(words))
+
+
+def test_each_sentence_in_the_tables_is_one_that_the_code_still_says() -> None:
+    said: set[tuple[str, str]] = set()
+    for path in PACKAGE.rglob("*.py"):
+        said.update(pair for text in texts(ast.parse(path.read_text("utf-8"))) for pair in word_pairs(text))
+    for path in [*(ROOT / "core" / "include").rglob("*.h*"), *(ROOT / "engine").rglob("*.?pp")]:
+        said.update(word_pairs(re.sub(r'"\s*"', "", path.read_text("utf-8"))))
+    old = []
+    for table in sorted((PACKAGE / "translations" / "zh").glob("*.txt")):
+        for pair in [] if table.stem == "system" else read_pairs(table.read_text("utf-8")):
+            own = [found for literal in pair.literals for found in word_pairs(literal)]
+            # Sentences are put together from parts, so a few pairs of words are in no text of the code.
+            if len(own) >= 5 and sum(found in said for found in own) < 0.6 * len(own):
+                old.append((table.name, "{}".join(pair.literals)))
+    assert old == []
 
 
 def test_a_port_that_cannot_be_opened_says_why_in_chinese(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import os
 
 import pytest
 
+from wirebond.chinese import chinese
 from wirebond.link.devices import group_of, no_permission
 from wirebond.link.devices.permission import Refusal, User, permission, port_group
 
@@ -104,3 +105,12 @@ def test_the_group_for_serial_ports_is_that_of_the_distribution(machine, groups,
 
 def test_the_real_system_is_asked_about_this_process():
     assert permission("/dev/null").refusal is None
+
+
+def test_each_sentence_has_a_chinese_one(machine, device):
+    said = [no_permission("/dev/ttyUSB0", machine.root, user(device, name)) for name in ("ana", "ben")]
+    said += [no_permission("/dev/ttyUSB0", machine.root, user(device, member=True))]
+    device.chmod(0o600)
+    said += [no_permission("/dev/ttyUSB0", machine.root, user(device)), no_permission("/dev/ttyUSB1", machine.root)]
+    assert len(set(said)) == 5
+    assert [sentence for sentence in said if "没有权限打开 /dev/ttyUSB" not in (chinese(sentence) or "")] == []
