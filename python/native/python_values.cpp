@@ -3,6 +3,8 @@
 
 #include <nanobind/stl/string.h>
 
+#include "ended_threads.hpp"
+
 namespace wirebond::engine {
 
 namespace {
@@ -68,6 +70,7 @@ PythonValues::Characters::Characters(const FieldTable& field, nb::handle value, 
 
 void translate_errors() {
   nb::register_exception_translator([](const std::exception_ptr& error, void*) {
+    EndedThreads::sleep_if_ended(error);
     try {
       std::rethrow_exception(error);
     } catch (const MessageError& refused) {

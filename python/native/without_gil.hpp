@@ -2,15 +2,15 @@
 #pragma once
 
 #include <nanobind/nanobind.h>
-#include <unistd.h>
 
 #include <atomic>
 #include <thread>
 
+#include "ended_threads.hpp"
+
 namespace wirebond::engine {
 
-/// The problem: a thread that asks for the GIL while the interpreter ends is thrown out of its C++ frames, and that
-/// aborts the process.
+/// The problem: a thread that waits in a link must not return to Python once the interpreter ends (ended_threads.hpp).
 ///
 /// The answer: a thread that waits in a `WithoutGil` when the interpreter ends stays there: it sleeps until the process
 /// is gone. `end_of_interpreter` waits for those that are on their way back.
@@ -23,7 +23,7 @@ class WithoutGil {
   ~WithoutGil() {
     if (ends_.load() && std::this_thread::get_id() != ending_thread_) {
       outside_.fetch_sub(1);
-      for (;;) ::pause();
+      EndedThreads::sleep();
     }
     PyEval_RestoreThread(thread_);
     outside_.fetch_sub(1);

@@ -368,6 +368,9 @@ def port_latency_us(path: str, bytes_per_second: float, ttys: str = "/sys/class/
     :param ttys: the folder in which the system lists its ttys.
     """
 
+def end_of_threads() -> None:
+    """Let daemon threads that the interpreter ends in the engine sleep until the process is gone. Called at exit."""
+
 def end_of_interpreter() -> None:
     """From here on no other thread comes back from its wait in a link: it sleeps until the process is gone."""
 
