@@ -15,7 +15,7 @@ import pytest
 import wirebond
 from tests.shared import loaded
 from wirebond.analysis.explain.verdict import Cause
-from wirebond.chinese import Table, chinese, read_pairs, with_chinese
+from wirebond.chinese import SENTENCES, Table, chinese, read_pairs, with_chinese
 from wirebond.codec import Codec
 from wirebond.generate.doc import chinese_document, markdown
 from wirebond.generate.doc.chinese import own_words
@@ -32,6 +32,8 @@ NOT_SHOWN = re.compile(
     "object of at|a page is for a protocol that|the console's page, or its engine for browsers"
 )  # for programs and the command line, or before there is a page
 REFUSING = {"RefusedError", "refuse", "refusal", "_tell_error"}
+PAGE = ROOT / "console" / "src" / "page"
+NOT_SHOWN_BY_PAGE = {"it is not there"}  # caught where it is thrown
 FILES = sorted((ROOT / "protocols").rglob("*.yaml"))
 # Words of the notation, which Chinese documents have, too.
 NOTATION = {"rest", "stuffing", "be", "true", "false", "poly", "init", "refin", "refout", "xorout", "wire", "wi"}
@@ -71,6 +73,30 @@ def test_each_sentence_for_the_page_has_a_chinese_one() -> None:
     assert sorted(text for text in said if chinese(text) is None) == []
 
 
+def sentences_of_page(source: str) -> Iterator[str]:
+    """Those that the worker of a page without a server throws."""
+    source = re.sub(r"""(["`])\s*\+\s*\1""", "", source)
+    for call in re.finditer(r"(new \w*Error|super)\(|(why|text) = |goDown\(", source):
+        depth, at = int(call[0].endswith("(")), call.end()
+        while depth > 0 or not call[0].endswith("("):
+            if depth == 0 and source.startswith(";\n", at):
+                break
+            depth += {"(": 1, ")": -1}.get(source[at], 0)
+            at += 1
+        for found in re.finditer(r'"((?:[^"\\]|\\.)*)"|`((?:[^`\\]|\\.)*)`', source[call.end() : at]):
+            text = re.sub(r"\$\{[^{}]*\}", "X1", (found[1] or found[2] or "").replace("\\`", "`"))
+            if len(text.split()) > 2:
+                yield text
+
+
+def test_each_sentence_of_a_page_without_a_server_has_a_chinese_one() -> None:
+    table = Table(*SENTENCES, "page")
+    said = {text for path in PAGE.glob("*.ts") for text in sentences_of_page(path.read_text("utf-8"))}
+    assert len(said) > 30  # it finds them
+    english = {text: re.sub("`[^`]*`|X1", "", table.find(text) or text) for text in said - NOT_SHOWN_BY_PAGE}
+    assert {text: left for text, left in english.items() if re.search(r"\b[a-z]{3,}", left)} == {}
+
+
 def word_pairs(text: str) -> list[tuple[str, str]]:
     words = re.findall("[A-Za-z']+", text)
     return list(itertools.pairwise(words))
@@ -80,8 +106,8 @@ def test_each_sentence_in_the_tables_is_one_that_the_code_still_says() -> None:
     said: set[tuple[str, str]] = set()
     for path in PACKAGE.rglob("*.py"):
         said.update(pair for text in texts(ast.parse(path.read_text("utf-8"))) for pair in word_pairs(text))
-    for path in [*(ROOT / "core" / "include").rglob("*.h*"), *(ROOT / "engine").rglob("*.?pp")]:
-        said.update(word_pairs(re.sub(r'"\s*"', "", path.read_text("utf-8"))))
+    for path in [*(ROOT / "core" / "include").rglob("*.h*"), *(ROOT / "engine").rglob("*.?pp"), *PAGE.glob("*.ts")]:
+        said.update(word_pairs(re.sub(r'"\s*\+?\s*"|\$\{[^{}]*\}', "", path.read_text("utf-8"))))
     old = []
     for table in sorted((PACKAGE / "translations" / "zh").glob("*.txt")):
         for pair in [] if table.stem == "system" else read_pairs(table.read_text("utf-8")):

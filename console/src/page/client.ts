@@ -2,6 +2,7 @@
 import { serial as overUsb } from "web-serial-polyfill";
 import type { Host } from "../host";
 import type { Socket } from "../lasting";
+import { said } from "../state/words.svelte";
 import { fromBase64 } from "./base64";
 import type { Facts } from "./facts";
 import { portName } from "./portname";
@@ -27,7 +28,7 @@ export function chooser(): Chooser | null {
 }
 
 /** Starts the worker, if the document is a page without a server. */
-export async function startPage(element: HTMLElement | null): Promise<Host | null> {
+export async function startPage(element: HTMLElement | null): Promise<PageHost | null> {
   if (!element?.textContent) return null;
   const config = JSON.parse(element.textContent) as Config;
   const { inline } = config;
@@ -117,7 +118,7 @@ export class PageHost implements Host {
   /** Keeps a recording that the person has as a file, and returns its name. */
   async addRecording(file: File): Promise<string> {
     const answer = await this.ask("api/add", { name: file.name, file });
-    if (!answer.ok) throw new Error(((await answer.json()) as { text: string }).text);
+    if (!answer.ok) throw new Error(said((await answer.json()) as object, "text"));
     return (await answer.json()) as string;
   }
 

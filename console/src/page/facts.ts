@@ -1,7 +1,7 @@
 // The file that `wirebond gen FILE --lang page` writes for one protocol: facts that the engine does not have.
 import type { Protocol } from "../protocol";
 
-export const VERSION = 2;
+export const VERSION = 3;
 
 /** How a request finds its reply; see wirebond/protocol/replies.py. */
 export interface Request {
@@ -54,4 +54,6 @@ export interface Facts {
   log: Record<string, { level: string; pieces: (string | { field: string; decimals: number | null })[] | null }>;
   /** The message that identifies an end's file, and this end's values in it. */
   hello: { message: string; fields: Record<string, unknown> } | null;
+  /** Tables for `Chinese`. */
+  chinese: string;
 }

@@ -1,4 +1,5 @@
 // The texts of the reader's language. The browser's language decides, unless the reader chose one.
+import type { Chinese } from "../chinese";
 import { en, type Texts } from "../texts/en";
 import { zh } from "../texts/zh";
 
@@ -7,6 +8,8 @@ const KEY = "wirebond.language";
 const tables: Record<Language, Texts> = { en, zh };
 
 class Words {
+  /** For sentences that come in English alone; null: a server sends both. */
+  chinese: Chinese | null = null;
   language = $state<Language>(first());
   readonly t = $derived(tables[this.language]);
 
@@ -22,15 +25,21 @@ function first(): Language {
 }
 export const words = new Words();
 
-/** What the server says under this key, in the reader's language where it has it: `text`, and `text_zh` beside it. */
+/** The sentence under this key, in the reader's language if there is one: `text`, and `text_zh` beside it. */
 export function said(told: object, key: string): string {
   const all = told as Record<string, unknown>;
-  const found = (words.language === "zh" ? all[`${key}_zh`] : null) ?? all[key];
-  return typeof found === "string" ? found : "";
+  const english = all[key];
+  if (words.language === "zh") {
+    const found = all[`${key}_zh`] ?? (typeof english === "string" ? words.chinese?.find(english) : null);
+    if (typeof found === "string") return found;
+  }
+  return typeof english === "string" ? english : "";
 }
 
 /** The same of several sentences. */
 export function allSaid(told: object, key: string): string[] {
   const all = told as Record<string, unknown>;
-  return ((words.language === "zh" ? all[`${key}_zh`] : null) ?? all[key] ?? []) as string[];
+  const english = (all[key] ?? []) as string[];
+  if (words.language === "en") return english;
+  return (all[`${key}_zh`] as string[] | undefined) ?? english.map((one) => words.chinese?.find(one) ?? one);
 }

@@ -18,6 +18,8 @@ from typing import Any
 
 LONGEST = 2000  # characters of a sentence; a longer one is a text of a person or of a file
 TWIN = "_zh"  # after the key of a sentence
+#: The tables of the sentences that the page shows.
+SENTENCES = ("link", "server", "values", "recordings", "system")
 _KEPT = 512
 _DEEPEST = 12  # sentences within one another
 _PLACE = re.compile(r"\{([~#]?\w+)\}")
@@ -74,11 +76,19 @@ def read_pairs(text: str) -> list[Pair]:
     return pairs
 
 
+def text_of(*names: str) -> str:
+    """Return the text of tables.
+
+    :param names: of the files in the folder ``translations/zh``, without their ending.
+    """
+    return "\n\n".join((_FOLDER / f"{name}.txt").read_text(encoding="utf-8").strip() for name in names)
+
+
 class Table:
-    """:param names: of the files in the folder ``translations/zh``, without their ending."""
+    """:param names: as for `text_of`."""
 
     def __init__(self, *names: str) -> None:
-        self.pairs = [p for name in names for p in read_pairs((_FOLDER / f"{name}.txt").read_text(encoding="utf-8"))]
+        self.pairs = read_pairs(text_of(*names))
         self._whole = {pair.literals[0]: pair.chinese for pair in self.pairs if not pair.names}
         self._open: Mapping[str, list[Pair]] = _by_begin(pair for pair in self.pairs if pair.names)
 
@@ -117,7 +127,7 @@ def _by_begin(pairs: Iterable[Pair]) -> dict[str, list[Pair]]:
 
 @cache
 def _table() -> Table:
-    return Table("link", "server", "values", "recordings", "system")
+    return Table(*SENTENCES)
 
 
 def chinese(sentence: str) -> str | None:

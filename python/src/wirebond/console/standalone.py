@@ -14,6 +14,7 @@ from typing import Any
 
 from wirebond import __version__, paths
 from wirebond.as_json import plain
+from wirebond.chinese import SENTENCES, text_of
 from wirebond.codec import Codec
 from wirebond.console.jobs.protocol_files import document, findings
 from wirebond.console.protocol_form import protocol_form
@@ -33,7 +34,7 @@ from wirebond.protocol.replies import carried_back, identifying
 from wirebond.protocol.tables import session_table
 from wirebond.recording.history.source import ENDS, Source
 
-VERSION = 2
+VERSION = 3
 TABLES = "protocol.json"
 _ENGINE = "engine.wasm"
 _INDEX = "index.html"
@@ -145,6 +146,7 @@ def facts(codec: Codec) -> dict[str, Any]:
             "address": _address(codec),
             "log": {name: _log(messages[name]) for name in log_names(codec)},
             "hello": _hello(codec),
+            "chinese": text_of(*SENTENCES, "page"),
         }
     )
     return told
