@@ -1,4 +1,5 @@
 // Kinds and counters of broken field rules in received messages. Only names and numbers: decoding is elsewhere.
+#pragma once
 
 #include <cstdint>
 
