@@ -46,6 +46,15 @@ def test_an_unplugged_port_comes_back(rover: Rover) -> None:
     expect(page.locator("header .state")).to_contain_text("Up")
 
 
+def test_sentences_of_the_worker_are_chinese_for_a_chinese_reader(rover: Rover) -> None:
+    page = rover.seat.connected("link")
+    page.keyboard.press("l")
+    rover.seat.wire.plug(False)
+    expect(page.locator("header .state")).to_contain_text("串口被拔出")
+    page.keyboard.press("l")
+    expect(page.locator("header .state")).to_contain_text("the port was unplugged")
+
+
 def test_the_bytes_of_a_frame_are_named(rover: Rover) -> None:
     page = rover.seat.connected("messages")
     page.get_by_role("button", name="▼ odometry").click()
