@@ -61,6 +61,7 @@
             throw new TypeError("Failed to execute 'write' on 'UnderlyingSinkBase': the chunk is no BufferSource.");
           const done = new Promise((resolve, reject) => this.#acknowledged.push({ resolve, reject }));
           socket.send(chunk);
+          globalThis.bytesWritten += chunk.byteLength; // for tests
           return done;
         },
       });
@@ -112,6 +113,7 @@
     }
   }
 
+  globalThis.bytesWritten = 0;
   const port = new DoublePort();
   const serial = new DoubleSerial();
   const watch = new WebSocket(WIRE.replace("/wire", "/plug"));
