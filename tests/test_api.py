@@ -172,14 +172,14 @@ class TestPorts:
     def test_a_zero_byte_does_not_cut_a_name(self) -> None:
         leader, follower = os.openpty()
         try:
-            with pytest.raises(wirebond.UsageError, match="has a byte that no port's name has"):
+            with pytest.raises(wirebond.UsageError, match="has a byte that a port cannot have in its name"):
                 wirebond.open(DIFFDRIVE, os.ttyname(follower) + "\0 and more")
         finally:
             os.close(leader)
             os.close(follower)
 
     def test_a_file_with_a_zero_byte_in_its_name_is_a_sentence(self) -> None:
-        with pytest.raises(wirebond.ProtocolFileError, match="no file's name has a zero byte"):
+        with pytest.raises(wirebond.ProtocolFileError, match="a file's name cannot contain a zero byte"):
             wirebond.load(str(PROTOCOLS / "diffdrive.yaml") + "\0.txt")
 
     def test_an_error_has_the_systems_number_and_the_port(self, tmp_path: Path) -> None:

@@ -142,7 +142,7 @@ def test_a_payload_without_the_end_is_delivered_with_its_violation(payload: str,
         ("{type: text, ends_with: 0x00}", "a text field needs a size"),
         ("{type: text, max: 4, ends_with: 0xC3}", "bytes from 0x80 on are parts of letters in UTF-8"),
         ("{type: u8, ends_with: 0x00}", "`ends_with` is for text and bytes; remove it"),
-        ("{type: text, max: 4, ends_with: 0}", "`0` may mean two things"),
+        ("{type: text, max: 4, ends_with: 0}", "`0` is ambiguous"),
         ('{type: text, max: 4, ends_with: 0x61, default: "na"}', "`x` would end at its first 0x61"),
     ],
 )

@@ -557,7 +557,7 @@ def test_a_port_beside_one_amalgamated_header_needs_no_other(project: Path) -> N
         (["--port", "posix", "--uart", "USART3", "--starter"], "which is stm32_hal or stm32_ll"),
         (["--port", "stm32_hal", "--uart", "huart3", "--starter"], "expected a UART as the vendor's headers call it"),
         (["--port", "stm32_hal", "--uart", "USART3", "--starter", "--amalgamate"], "leave --amalgamate out"),
-        (["--port", "stm32_hal", "--uart", "USART3", "--starter", "--check"], "which --check does not look at"),
+        (["--port", "stm32_hal", "--uart", "USART3", "--starter", "--check"], "which --check ignores"),
         (["--lang", "c", "--port", "posix"], "there is no --port posix in C"),
     ],
 )

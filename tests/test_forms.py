@@ -310,7 +310,7 @@ def test_of_two_forms_that_blame_as_much_the_one_examined_further_is_reported() 
 
 def test_magics_of_two_lengths_are_refused_with_what_to_do() -> None:
     text = "wirebond: 1\nprotocol: p\nframe: [magic: {host: 0xFF 0xFE, mcu: 0xFF}, payload: 1]\n"
-    with pytest.raises(ProtocolFileError, match="the same number of bytes; fill up with a `constant` part"):
+    with pytest.raises(ProtocolFileError, match="the same number of bytes; pad with a `constant` part"):
         loads(text + "messages: {m: {sender: both}}\n")
 
 

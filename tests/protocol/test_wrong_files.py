@@ -125,7 +125,7 @@ SYNTAX = [
     (
         "magic: 0xAA 0x55",
         "magic: @55",
-        "`55` may mean two things (decimal or hexadecimal); bytes are written 0x",
+        "`55` is ambiguous (decimal or hexadecimal); bytes are written 0x",
     ),
     ("magic: 0xAA 0x55", "magic: @AA 55", "bytes are written 0x.., such as 0xAA 0x55"),
     ("magic: 0xAA 0x55", "magic: @0xAA55", "write one 0x.. for each byte: 0xAA 0x55"),
@@ -139,7 +139,7 @@ SYNTAX = [
     ("- length: u8", "- length: {type: u8, counts: @all}", "possible: payload, rest, self_and_rest, frame"),
     ("- length: u8", "- length: {type: u8, @count: rest}", "did you mean `counts`?"),
     ("- length: u8", "- {length: u8, when: @magic == 0xAA55}", "write one 0x.. for each byte: 0xAA 0x55"),
-    ("- length: u8", "- {length: u8, when: @magic == 0xAA0x55}", "may mean two things"),
+    ("- length: u8", "- {length: u8, when: @magic == 0xAA0x55}", "is ambiguous"),
     (
         "- length: u8",
         "- sequence: u8\n  - {reserved: 1, when: @sequence & 1}\n  - length: u8",

@@ -193,7 +193,7 @@ def test_a_missing_file_a_directory_and_an_impossible_path_get_a_sentence(tmp_pa
     assert file_error(tmp_path) == f"{folder}; name the file in it, such as {tmp_path}/arm.yaml"
     (tmp_path / "base.yml").touch()
     assert file_error(tmp_path).endswith(f"such as {tmp_path}/arm.yaml, or another of its 2 .yaml files")
-    assert file_error(tmp_path / "a\0b") == ": no file's name has a zero byte in it; check the path"
+    assert file_error(tmp_path / "a\0b") == ": a file's name cannot contain a zero byte; check the path"
     assert file_error(tmp_path / ("n" * 5000)).startswith(": cannot be read: ")
 
 

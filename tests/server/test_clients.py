@@ -404,7 +404,7 @@ def test_a_token_is_made_for_tcp_on_loopback_too(served: Served, host: str) -> N
         ("wirebond://host:port", "has no server's name"),
         ("wirebond://name/else", "has a path after"),
         ("wirebond:///x?speed=1", "has more than a server's name"),
-        ("wirebond:///" + "x" * 200, "is no path of a socket"),
+        ("wirebond:///" + "x" * 200, "is too long for a socket"),
     ],
 )
 def test_an_invalid_address_is_refused(address: str, sentence: str) -> None:

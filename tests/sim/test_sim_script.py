@@ -121,7 +121,7 @@ def test_a_mistake_in_a_function_is_reported_when_it_is_called(tmp_path: Path) -
 
 def test_a_script_that_is_not_there_or_a_folder_is_a_sentence(tmp_path: Path) -> None:
     for path, sentence in ((tmp_path / "none.py", "No such file"), (tmp_path, "Is a directory")):
-        with pytest.raises(UsageError, match=f"cannot be read: {sentence}.*; name a file in Python"):
+        with pytest.raises(UsageError, match=f"cannot be read: {sentence}.*; name a Python file"):
             Behaviour(DIFFDRIVE, path)
 
 

@@ -201,7 +201,7 @@ def test_a_scripted_cable_is_out_from_its_time_on(tmp_path: Path) -> None:
         ("1 sideways drop", "there is no fault 'sideways'"),
         ("1 drop 0", "drop takes 1 to 1000000, not '0'"),
         ("1 flip 256", "flip takes 1 to 255"),
-        ("1 unplug", "unplug takes for how many seconds"),
+        ("1 unplug", "unplug needs a number of seconds"),
         ("1 a_to_b unplug 1", "for both directions"),
         ("1 split 3", "'3' is one word too many"),
         ("1 a_to_b", "there is no fault"),

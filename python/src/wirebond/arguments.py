@@ -73,5 +73,5 @@ def hex_bytes(text: str) -> bytes:
     if wrong:
         raise UsageError(f"'{wrong.group()}' is no hex digit; write bytes as AA 55 01 or aa5501")
     if len(digits) % 2:
-        raise UsageError(f"{len(digits)} hex digits are no whole number of bytes; write two digits a byte")
+        raise UsageError(f"{len(digits)} hex digits do not make whole bytes; write two digits per byte")
     return bytes.fromhex(digits)

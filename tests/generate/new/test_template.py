@@ -84,7 +84,7 @@ def test_wrong_parts_are_a_sentence(has: str, sentence: str) -> None:
 
 
 def test_frames_of_one_size_have_no_parts() -> None:
-    with pytest.raises(UsageError, match="have no room for parts"):
+    with pytest.raises(UsageError, match="cannot have parts"):
         template_text("fixed", "robot", parts_of("base"))
 
 

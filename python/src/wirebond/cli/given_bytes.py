@@ -34,7 +34,7 @@ def given_bytes(source: str | None, hex_text: str | None, sender: str | None = N
     if source == "-":
         return _stdin()
     if "\0" in source:
-        raise UsageError("no file's name has a zero byte in it; name the capture")
+        raise UsageError("a file's name cannot contain a zero byte; name the capture")
     if source.startswith(("sim:", "replay:")):
         raise UsageError(f"{source} knows its protocol; name the tty or tcp:// of a line, or a file with its bytes")
     path = Path(source)

@@ -154,7 +154,7 @@ def _items(described: Field, text: str) -> list[str]:
     if items == [""]:
         return []
     if "" in items:
-        raise UsageError(f"{described.name} is '{text[:60]}'; there is no value beside one of its commas")
+        raise UsageError(f"{described.name} is '{text[:60]}'; a value is missing next to a comma")
     return items
 
 

@@ -72,7 +72,7 @@ class ByteRequests:
             own = None if codec is None else (codec.model.text, codec.model.path)
             return await worked_by(self._worker, decoded_recording, asked.text, path, own)
         if asked.live is None or asked.recording is not None:
-            raise RefusedError(422, "no_bytes", "give `recording` or `live`, the seconds that are looked at")
+            raise RefusedError(422, "no_bytes", "give `recording`, or `live` with the seconds to examine")
         source = served_by(self._station).source
         reads = {end: source.kept(end, asked.live) for end in ENDS}
         model = source.codec.model

@@ -75,7 +75,7 @@ class DeviceRequests:
         if asked.bytes is not None:
             data = bytes_of(asked.bytes)
         elif asked.live is None:
-            raise RefusedError(422, "no_bytes", "give `bytes`, `live`, the seconds that are looked at, or `port`")
+            raise RefusedError(422, "no_bytes", "give `bytes`, `port`, or `live` with the seconds to examine")
         else:
             data = served_by(self._station).source.kept(End.MCU, asked.live).data
         return await worked_by(self._worker, identified, data[-_MOST_BYTES:])

@@ -206,7 +206,7 @@ def full_disk_sentence(error: OSError, path: Path) -> str:
     elif error.errno == errno.EFBIG:
         why = "the file may not become larger here; raise the limit, or record for a shorter time"
     else:
-        why = f"{error.strerror or error}; look at the disk"
+        why = f"{error.strerror or error}; check the disk"
     return f"the recording {path} ended early: {why}. Everything written before that can be read"
 
 

@@ -193,7 +193,7 @@ def _field_reader(field: RosField, order: str) -> _Reader:
             (count,) = unpack_count(data, at)
             at += 4
         if count > len(data) - at:  # an element has at least one byte
-            raise ValueError(f"{field.name} says that it has {count} elements, and {len(data) - at} bytes follow")
+            raise ValueError(f"{field.name} announces {count} elements, but only {len(data) - at} bytes follow")
         if code and count:
             at += -at % size
             values: Any = struct.unpack_from(f"{order}{count}{code}", data, at)
@@ -233,7 +233,7 @@ def _string_reader(order: str) -> _Reader:
         (size,) = unpack_count(data, at)
         at += 4
         if size > len(data) - at:
-            raise ValueError(f"a text says that it has {size} bytes, and {len(data) - at} follow")
+            raise ValueError(f"a text announces {size} bytes, but only {len(data) - at} follow")
         return data[at : at + max(size - 1, 0)].decode(), at + size
 
     return read

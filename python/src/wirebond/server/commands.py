@@ -398,7 +398,7 @@ class Commands:
     def _must_hold(self, client: Client, name: str) -> None:
         holder = self._server.book.holder
         if name in self._controlled and holder is not None and holder != client.number:
-            raise NotInControlError(f"{self._server.book.name} is in control of the robot, and {name} is its to end")
+            raise NotInControlError(f"{self._server.book.name} is in control of the robot, and only it can end {name}")
 
     def _tap(self, client: Client, tap: int) -> int:
         if tap not in client.taps:

@@ -67,7 +67,7 @@ class Recordings:
             try:
                 self._recorder = Recorder(self._link, path)
             except OSError as error:
-                raise WirebondError(f"cannot record to {path}: {error.strerror or error}; look at the disk") from None
+                raise WirebondError(f"cannot record to {path}: {error.strerror or error}; check the disk") from None
             found = self._current(self._recorder)
         self._changed(found)
         return found
@@ -124,7 +124,7 @@ class Recordings:
         try:
             annotate(path, text)
         except OSError as error:
-            raise WirebondError(f"cannot write to {path}: {error.strerror or error}; look at the disk") from None
+            raise WirebondError(f"cannot write to {path}: {error.strerror or error}; check the disk") from None
         found = self._stored(path)
         if found is None:
             raise UsageError(f"{name} was removed meanwhile")

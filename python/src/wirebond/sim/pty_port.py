@@ -155,7 +155,7 @@ def symlinked(target: str, link: Path | None) -> Iterator[str]:
         link.symlink_to(target)
     except OSError as error:
         raise UsageError(
-            f"cannot make the link {link}: {error.strerror}; name a file that is not there, in a folder that is"
+            f"cannot make the link {link}: {error.strerror}; name a new file in an existing folder"
         ) from None
     try:
         yield str(link)

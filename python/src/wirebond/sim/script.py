@@ -62,7 +62,7 @@ class Behaviour:
         try:
             script.open("rb").close()
         except OSError as error:
-            raise UsageError(f"{script} cannot be read: {error.strerror}; name a file in Python") from None
+            raise UsageError(f"{script} cannot be read: {error.strerror}; name a Python file") from None
         found = self._call(runpy.run_path, str(script)).get("setup")
         if not callable(found):
             raise UsageError(f"{script}: expected a function setup(mcu); wirebond.sim.script has an example")

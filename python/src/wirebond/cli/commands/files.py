@@ -54,7 +54,7 @@ def decode_bytes(
     codec = load(path)
     decoder = codec.decoder(sender)
     if header_words and expect is None:
-        raise UsageError("--header here is that of the request; add --expect REQUEST")
+        raise UsageError("--header applies to the request; add --expect REQUEST")
     decoder.expect(expect, header=parse_header(codec.model, header_words) or None)
     chunks = iter([hex_bytes(hex_text)]) if hex_text is not None else _chunks(source or "-")
     try:
@@ -82,7 +82,7 @@ def _chunks(source: str) -> Iterator[bytes]:
             ) from error
         return
     if "\0" in source:
-        raise UsageError("no file's name has a zero byte in it; name the capture")
+        raise UsageError("a file's name cannot contain a zero byte; name the capture")
     from wirebond.recording.capture import captured  # noqa: PLC0415 it takes long to import
 
     yield from captured(Path(source))

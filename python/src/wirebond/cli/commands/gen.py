@@ -181,7 +181,7 @@ def _validate_starter(amalgamate: bool, ports: Sequence[str], only_check: bool) 
     if amalgamate:
         raise UsageError("--starter includes the files of a folder; leave --amalgamate out")
     if only_check:
-        raise UsageError("--starter writes a file that is yours from then on, which --check does not look at")
+        raise UsageError("--starter writes a file that is yours from then on, which --check ignores")
 
 
 def _validate_folder(out: Path, amalgamate: bool) -> None:

@@ -255,11 +255,11 @@ class _Reader:
 
     def _member(self, node: c_ast.Node, owner: Struct) -> Member:
         if isinstance(node, c_ast.Pragma) or not isinstance(node, c_ast.Decl):
-            raise _Unreadable("it holds something that is no member")
+            raise _Unreadable("it contains something that is not a member")
         name = node.name or ""
         if node.bitsize is not None:
             raise _Unreadable(
-                f"{name or 'a member'} is a bit-field, whose bits each compiler places; write them as `bits:`"
+                f"{name or 'a member'} is a bit-field, whose layout depends on the compiler; write it as `bits:`"
             )
         counts: list[int] = []
         inner = node.type
@@ -285,14 +285,14 @@ class _Reader:
             if owner.level > MAX_LEVELS:
                 raise _Unreadable(f"structs are nested more than {MAX_LEVELS} deep")
             if 0 in counts or (found.members and found.members[-1].counts == (0,)):
-                raise _Unreadable(f"{name} is or holds an array without a size")
+                raise _Unreadable(f"{name} is or contains an array without a size")
         elif counts == [0] and (found.size != 1 or isinstance(found, Enum)):
-            raise _Unreadable(f"{name} is an array without a size; only bytes and characters can be so")
+            raise _Unreadable(f"{name} is an array without a size, which only bytes and characters can have")
         return Member(name, found, tuple(counts), node.coord.line if node.coord else 0)
 
     def _type(self, node: c_ast.Node, member: str, depth: int = 0) -> Scalar | Enum | Struct:
         if depth > 32:
-            raise _Unreadable(f"the type of {member} is defined by itself")
+            raise _Unreadable(f"the type of {member} is defined in terms of itself")
         inner = node.type if isinstance(node, c_ast.TypeDecl) else node
         if isinstance(inner, (c_ast.PtrDecl, c_ast.FuncDecl)):
             raise _Unreadable(f"{member} is a pointer, which means nothing on the other end")

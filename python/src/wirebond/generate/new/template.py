@@ -67,7 +67,7 @@ def template_text(template: str, name: str, parts: Mapping[str, int] | None = No
     if template == "fixed":
         if parts is not None:
             raise UsageError(
-                "frames of one size have no room for parts and services; leave them out, or take the template native"
+                "frames of one size cannot have parts and services; leave them out, or take the template native"
             )
         return _renamed((_FOLDER / "fixed.yaml").read_text(encoding="utf-8"), name)
     chosen = dict.fromkeys(USUAL, 1) if parts is None else parts

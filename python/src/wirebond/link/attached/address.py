@@ -41,7 +41,7 @@ def server_address(text: str) -> ServerAddress:
         parts = urlsplit(text)
         host, port, query = parts.hostname or "", parts.port, parse_qs(parts.query, strict_parsing=bool(parts.query))
     except ValueError:
-        raise UsageError(f"{text!r} has no server's name that can be read; {_WANTED}") from None
+        raise UsageError(f"{text!r} has no valid server name; {_WANTED}") from None
     if set(query) - {"token"} or parts.fragment or parts.username or parts.password:
         raise UsageError(f"{text!r} has more than a server's name; {_WANTED}")
     token = query.get("token", [os.environ.get("WIREBOND_TOKEN", "")])[0]
@@ -53,7 +53,7 @@ def server_address(text: str) -> ServerAddress:
     if port:
         return ServerAddress(plain, host=host, port=port, token=token)
     if not _NAME.fullmatch(parts.netloc):
-        raise UsageError(f"{text!r} has no server's name that can be read; {_WANTED}")
+        raise UsageError(f"{text!r} has no valid server name; {_WANTED}")
     return ServerAddress(plain, path=str(socket_of(parts.netloc)), token=token)
 
 
@@ -106,6 +106,6 @@ def make_socket_folder() -> Path:
 def _checked(path: str) -> str:
     if len(os.fsencode(path)) > _LONGEST_PATH or "\0" in path:
         raise UsageError(
-            f"{path!r:.200} is no path of a socket: it has at most {_LONGEST_PATH} bytes; name a shorter one"
+            f"{path!r:.200} is too long for a socket, whose path has at most {_LONGEST_PATH} bytes; name a shorter one"
         )
     return path

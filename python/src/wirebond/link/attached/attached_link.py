@@ -483,7 +483,7 @@ class AttachedLink:
         try:
             self._write(request)
             if not comes(call.done, patience):
-                raise LinkDownError(f"{self._address.text} did not answer within {patience:g} s; look at the server")
+                raise LinkDownError(f"{self._address.text} did not answer within {patience:g} s; check the server")
         finally:
             with self._lock:
                 self._calls.pop(request.id, None)

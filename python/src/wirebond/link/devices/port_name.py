@@ -64,7 +64,7 @@ def port_name(port: str | os.PathLike[str]) -> PortName:
         raise UsageError("the port's name is empty; give a tty such as /dev/ttyUSB0")
     if "\0" in text or (not text.isascii() and any("\udc80" <= c <= "\udcff" for c in text)):
         raise UsageError(
-            f"the port's name {text!r} has a byte that no port's name has; give a tty such as /dev/ttyUSB0"
+            f"the port's name {text!r} has a byte that a port cannot have in its name; give a tty such as /dev/ttyUSB0"
         )
     if text.startswith("usb:"):
         with suppress(PortError):  # it is not there now; opening it will say so
@@ -164,7 +164,7 @@ def _server(text: str, scheme: str) -> PortName:
         parts = urlsplit(text)
         host, number = parts.hostname, parts.port
     except ValueError:
-        raise UsageError(f"{text} has no host and number that can be read; {wanted}") from None
+        raise UsageError(f"{text} has no valid host and number; {wanted}") from None
     if not host:
         raise UsageError(f"{text} has no host; {wanted}")
     if not number:  # none, or 0

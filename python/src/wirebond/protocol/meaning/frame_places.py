@@ -61,7 +61,7 @@ def validate_places(parts: list[Part], nodes: list[Mapping], place: Place, envel
     if len({parts[index].size for index in magics}) > 1:
         wrong(
             nodes[magics[-1]].place,
-            "magics of one frame need the same number of bytes; fill up with a `constant` part",
+            "magics of one frame need the same number of bytes; pad with a `constant` part",
         )
     _validate_payload_rule(parts, nodes, payload_index, envelope, wrong)
     constants = sum(len(part.value) for part in parts if part.condition is None)

@@ -130,7 +130,7 @@ class _Parser:
                 raise self._wrong("a `)` is missing")
             return ConditionText(inner.terms, is_negated)
         if is_negated:
-            raise self._wrong("behind `not` stands a `(`")
+            raise self._wrong("`not` must be followed by `(`")
         return self._comparison()
 
     def _comparison(self) -> ComparisonText | ConditionText:

@@ -91,7 +91,7 @@ def _sequence(after: bytes) -> bytes:
     if not 2 <= len(after) <= MAX_INSERTION:
         raise wrong(f"the sequence has {len(after)} bytes; write 2 to {MAX_INSERTION}, such as 0xFF 0xFF 0xFD")
     if any(after[:size] == after[-size:] for size in range(1, len(after))):
-        raise wrong("this sequence ends as it begins, so that two of them could overlap; take another")
+        raise wrong("this sequence ends as it begins, so two of them could overlap; choose another")
     return after
 
 

@@ -90,7 +90,7 @@ def _magics(value: object) -> tuple[bytes, ...]:
     if len(set(values)) != len(values):
         raise wrong("two of these magics are the same; remove one")
     if len({len(entry) for entry in values}) != 1:
-        raise wrong("magics of one frame need the same number of bytes; fill up with a `constant` part")
+        raise wrong("magics of one frame need the same number of bytes; pad with a `constant` part")
     return values
 
 
@@ -104,7 +104,7 @@ def _magic(value: object) -> Magic:
         )
     by_end = tuple((str(end), one) for end in ("host", "mcu") for one in _magics(value[end]))
     if len({len(one) for _, one in by_end}) != 1:
-        raise wrong("both directions' magics need the same number of bytes; fill up with a `constant` part")
+        raise wrong("both directions' magics need the same number of bytes; pad with a `constant` part")
     return Magic(by_end=by_end)
 
 

@@ -237,7 +237,7 @@ def hex_bytes(most: int) -> Callable[[object], bytes]:
             if len(tokens) == 1 and re.fullmatch(r"0x([0-9a-fA-F]{2}){2,}", text):
                 pairs = " ".join("0x" + text[i : i + 2] for i in range(2, min(len(text), 10), 2))
                 raise wrong(f"{quoted(text)} runs bytes together; write one 0x.. for each byte: {pairs}")
-            raise wrong(f"{describe(value)} may mean two things (decimal or hexadecimal); {advice}")
+            raise wrong(f"{describe(value)} is ambiguous (decimal or hexadecimal); {advice}")
         if len(tokens) > most:
             raise wrong(f"{len(tokens)} bytes are too many here; at most {most}")
         return bytes(int(token, 16) for token in tokens)

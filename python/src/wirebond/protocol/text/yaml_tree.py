@@ -98,7 +98,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
     """Return the text of a file. Raises ProtocolFileError with one sentence if there is none to be had."""
     problems = Problems(str(path))
     if "\0" in str(path):
-        problems.stop(WHOLE_FILE, "no file's name has a zero byte in it; check the path")
+        problems.stop(WHOLE_FILE, "a file's name cannot contain a zero byte; check the path")
     try:
         with Path(path).open("rb") as file:
             data = file.read(MAX_FILE_BYTES + 1)

@@ -50,7 +50,7 @@ def _arguments(given: list[str]) -> Iterator[str]:
         if has_direction:
             raise ValueError("a cable is pulled for both directions")
         if len(values) != 1:
-            raise ValueError("unplug takes for how many seconds")
+            raise ValueError("unplug needs a number of seconds")
         yield f"unplug:{at}:{_seconds(values[0], 'the time of unplug')}"
         return
     if kind not in _KINDS:
