@@ -1,7 +1,8 @@
-"""The pages name every option that a command has, and no other."""
+"""The pages name every option of the commands and every rule of the lint, and no other."""
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Iterator
 from typing import Any
@@ -14,6 +15,7 @@ from wirebond.cli.main import app
 PAGES = [path for path in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))] if ".zh." not in path.name]
 TEXT = "\n".join(path.read_text(encoding="utf-8") for path in PAGES)
 HELP = {"--help"}
+CHECKS = ROOT / "python" / "src" / "wirebond" / "analysis" / "check"
 
 
 def commands(command: Any, name: str = "") -> Iterator[tuple[str, Any]]:
@@ -60,3 +62,26 @@ def test_no_page_gives_a_command_an_option_that_it_does_not_have() -> None:
                 asked = re.findall(r"(?<![\w-])--[a-z][\w-]*", found[2])
                 wrong += [(path.name, found[1], name) for name in asked if own and name not in known]
     assert wrong == []
+
+
+def rules_of_the_lint() -> Iterator[str]:
+    """The first argument of each finding: a text, or a constant of its module."""
+    for path in sorted(CHECKS.glob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        texts = {
+            target.id: node.value.value
+            for node in tree.body
+            if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant)
+            for target in node.targets
+            if isinstance(target, ast.Name)
+        }
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Finding":
+                rule = node.args[0]
+                yield str(rule.value) if isinstance(rule, ast.Constant) else texts[getattr(rule, "id", "")]
+
+
+def test_the_page_of_the_lint_has_each_rule_once_and_no_other() -> None:
+    page = (ROOT / "docs" / "check.md").read_text(encoding="utf-8").split("## Rules")[1].split("\n## ")[0]
+    named = re.findall(r"^\| `([a-z-]+)` \|", page, re.MULTILINE)
+    assert sorted(named) == sorted(set(rules_of_the_lint()))
