@@ -177,7 +177,7 @@ def test_files_of_the_user_are_tried_and_wrong_ones_are_named(
         (["x", "--hex", "00"], "give bytes one way"),
         (["no_such_capture"], "no such file"),
         (["sim:"], "sim: knows its protocol; name the tty"),
-        (["--hex", "0"], "no whole number of bytes"),
+        (["--hex", "0"], "do not make whole bytes"),
         (["--hex", "00", "--also", "no_such_folder"], "no such file"),
     ],
 )

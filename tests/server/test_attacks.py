@@ -113,7 +113,7 @@ def test_a_place_for_the_socket_that_cannot_be_used_has_its_sentence(
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(place / "open"))
     assert "can be written by others" in said()
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(place / ("long" * 40)))
-    assert "it has at most 107 bytes" in said()
+    assert "whose path has at most 107 bytes" in said()
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(place))
     with pytest.raises(wirebond.PortError, match=r"no server runs at .* start one with `wirebond serve"):
         wirebond.open("wirebond://diffdrive")

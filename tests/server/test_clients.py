@@ -399,12 +399,13 @@ def test_a_token_is_made_for_tcp_on_loopback_too(served: Served, host: str) -> N
 @pytest.mark.parametrize(
     ("address", "sentence"),
     [
-        ("wirebond://", "has no server's name"),
-        ("wirebond://a b", "has no server's name"),
-        ("wirebond://host:port", "has no server's name"),
+        ("wirebond://", "has no valid server name"),
+        ("wirebond://a b", "has no valid server name"),
+        ("wirebond://host:port", "has no valid server name"),
         ("wirebond://name/else", "has a path after"),
         ("wirebond:///x?speed=1", "has more than a server's name"),
         ("wirebond:///" + "x" * 200, "is too long for a socket"),
+        ("wirebond:///run/a\0b", "has a zero byte"),
     ],
 )
 def test_an_invalid_address_is_refused(address: str, sentence: str) -> None:

@@ -82,7 +82,7 @@ def test_of_a_long_capture_the_first_refused_bytes_are_explained(
         (["--hex", "7A", "AA"], "give bytes one way"),
         (["no_such_file.bin"], "there is no such file"),
         (["sim:"], "knows its protocol"),
-        (["--hex", "AA 5"], "no whole number of bytes"),
+        (["--hex", "AA 5"], "do not make whole bytes"),
     ],
 )
 def test_text_that_is_no_bytes_gets_a_sentence(

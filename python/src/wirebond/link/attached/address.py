@@ -104,7 +104,9 @@ def make_socket_folder() -> Path:
 
 
 def _checked(path: str) -> str:
-    if len(os.fsencode(path)) > _LONGEST_PATH or "\0" in path:
+    if "\0" in path:
+        raise UsageError(f"{path!r:.200} has a zero byte, which no path of a socket can have; give its path without it")
+    if len(os.fsencode(path)) > _LONGEST_PATH:
         raise UsageError(
             f"{path!r:.200} is too long for a socket, whose path has at most {_LONGEST_PATH} bytes; name a shorter one"
         )
