@@ -81,7 +81,7 @@ def interpreters(named: list[str]) -> list[Interpreter]:
         words = asked.stdout.split()
         if asked.returncode != 0 or words[:2] != ["cpython", "3"] or int(words[2]) < 11:
             if named:
-                sys.exit(f"{path} is no CPython 3.11 or newer; give the path of one to --python")
+                sys.exit(f"{path} is not a CPython 3.11 or newer; give the path of one to --python")
             continue
         found = Interpreter(path, int(words[2]))
         best = oldest.setdefault(found.minor > 11, found)

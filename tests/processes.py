@@ -17,7 +17,7 @@ _ENOUGH = 10.0  # seconds for the stacks of one
 def account() -> str:
     """The stacks of the other threads here, and command, state and stacks of each process below this one.
 
-    The stacks of a process that is no Python program are not known.
+    The stacks of a process that is not a Python program are not known.
     """
     names = {thread.ident: thread.name for thread in threading.enumerate()}
     found = [

@@ -436,7 +436,9 @@ class _FormatSource:
         options.append(f"address: {whose}")
         if whose != "sender" and self._chance(0.6):
             given = re.findall(r"-?\w+", next(one for one in options if one.startswith("default: ")))
-            others = [value for value in dict.fromkeys(values) if value not in given]  # a broadcast is no own address
+            others = [
+                value for value in dict.fromkeys(values) if value not in given
+            ]  # a broadcast is not an own address
             some = self._random.sample(others, self._random.randint(1, len(others))) if others else []
             if some:
                 options.append(f"broadcast: {some[0]}" if len(some) == 1 else f"broadcast: [{', '.join(some)}]")

@@ -186,7 +186,7 @@ class Speaker:
                     codec.tables.protocol, table, codec.tables.indices[message.name], values, header, index
                 )
             except MessageError:
-                continue  # this form cannot carry it, or such bits are no value of a field
+                continue  # this form cannot carry it, or such bits are not a value of a field
         try:
             return _engine.encode(codec.tables.protocol, table, codec.tables.indices[message.name], values, {})
         except MessageError as error:

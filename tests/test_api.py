@@ -37,10 +37,12 @@ class StubbornIndex(Stubborn):
 class TestWrongArguments:
     @pytest.mark.parametrize("name", [None, 3, b"velocity", ["velocity"]])
     def test_a_message_that_is_no_name_is_a_sentence(self, name: Any) -> None:
-        with pytest.raises(wirebond.MessageError, match=r"is no message's name; diffdrive has velocity, status_query"):
+        with pytest.raises(
+            wirebond.MessageError, match=r"is not a message's name; diffdrive has velocity, status_query"
+        ):
             DIFFDRIVE.encode(name)
         if name is not None:
-            with pytest.raises(wirebond.UsageError, match=r"is no message's name; diffdrive has"):
+            with pytest.raises(wirebond.UsageError, match=r"is not a message's name; diffdrive has"):
                 DIFFDRIVE.decoder().expect(name)
 
     def test_values_and_header_are_mappings(self) -> None:

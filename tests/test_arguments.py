@@ -43,7 +43,7 @@ CALLS: list[tuple[str, Callable[[Link], Any], str]] = [
     ("send class", lambda link: link.send(dict), "the message is <class 'dict'>; expected a message's name"),  # type: ignore[arg-type]
     ("repeat", lambda link: link.repeat(5), "the message is 5; expected a message's name"),  # type: ignore[arg-type]
     ("request", lambda link: link.request(None), "the message is None; expected a message's name"),  # type: ignore[call-overload]
-    ("latest", lambda link: link.latest(None), "None is no message of a generated module"),  # type: ignore[call-overload]
+    ("latest", lambda link: link.latest(None), "None is not a message of a generated module"),  # type: ignore[call-overload]
     ("receive", lambda link: link.receive(None), "timeout is None; expected seconds, such as 0.5; for no limit"),  # type: ignore[arg-type]
     ("receive text", lambda link: link.receive("1"), "timeout is '1'; expected seconds"),  # type: ignore[arg-type]
     ("run", lambda link: link.run(timeout=HUGE), "timeout is an integer of more than 99 digits; expected seconds"),
@@ -56,7 +56,7 @@ CALLS: list[tuple[str, Callable[[Link], Any], str]] = [
     ("rates", lambda link: link.rates(None), "window is None; expected seconds"),  # type: ignore[arg-type]
     ("tap", lambda link: link.tap(HUGE), "the tap's capacity is an integer of more than 99 digits; expected a whole"),
     ("host_time", lambda link: link.host_time(None), "mcu_us is None; expected microseconds"),  # type: ignore[arg-type]
-    ("recover", lambda link: link.recover(HUGE), "an integer of more than 99 digits is no action"),  # type: ignore[arg-type]
+    ("recover", lambda link: link.recover(HUGE), "an integer of more than 99 digits is not an action"),  # type: ignore[arg-type]
     ("field", lambda link: link.send("velocity", linear=HUGE, angular=0), "velocity.linear is too large"),
     (
         "list",

@@ -1,4 +1,4 @@
-"""Constants among a message's fields: written by every sender, and a frame that breaks one is no frame at both ends."""
+"""Constants among a message's fields: each sender writes them; a frame that breaks one is not a frame at either end."""
 
 from __future__ import annotations
 

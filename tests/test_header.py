@@ -204,7 +204,7 @@ def test_a_typed_module_takes_and_carries_the_header(tmp_path: Path) -> None:
     (message,) = typed.codec.decoder("host").feed(frame)
     received = typed.from_message(message)
     assert received.header == {"servo": 3, "options": []}
-    assert received == typed.Move(angle=0.5)  # the header is no value of the message
+    assert received == typed.Move(angle=0.5)  # the header is not a value of the message
     assert typed.Move(angle=0.5).header == {}
 
 

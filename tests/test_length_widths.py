@@ -51,7 +51,7 @@ def test_every_width_is_read_by_engine_and_generated_code(chunk: int, tmp_path: 
     sent = [(magic, source.randbytes(source.randint(0, sizes[magic]))) for magic in (*sizes, *sizes, *sizes)]
     frames = [frame_of(magic, data) for magic, data in sent]
     assert PROTO.encode("block", data=sent[0][1]) == frames[0]
-    stream = b"\x00\xc4".join(frames) + bytes(410)  # so that the last false start is no frame for certain
+    stream = b"\x00\xc4".join(frames) + bytes(410)  # so that the last false start is not a frame for certain
 
     decoder = PROTO.decoder("mcu")
     pieces = [stream[at : at + chunk] for at in range(0, len(stream), chunk)]

@@ -1,4 +1,4 @@
-"""Numbers in characters: what their digits mean, what is no number, and where they lie; against bytes made by hand."""
+"""Numbers in characters: what their digits mean, what is not a number, and where they are; against hand-made bytes."""
 
 from __future__ import annotations
 
@@ -209,8 +209,8 @@ CHECK = "check: {type: xor8, text: decimal}"
         (f"payload: rest, {CHECK}, delimiter: 0x0A", "must follow a constant that is not a digit"),
         (f"payload: rest, constant: 0x30, {CHECK}, delimiter: 0x0A", "must follow a constant that is not a digit"),
         (f"payload: rest, constant: 0x2A, {CHECK}, tail: 0x3B, delimiter: 0x0A", "the last part of every frame"),
-        (f"magic: 0xAA, payload: 3, constant: 0x2A, {CHECK}", "ends with a delimiter that is no digit"),
-        (f"payload: rest, constant: 0x2A, {CHECK}, delimiter: 0x31", "ends with a delimiter that is no digit"),
+        (f"magic: 0xAA, payload: 3, constant: 0x2A, {CHECK}", "ends with a delimiter that is not a digit"),
+        (f"payload: rest, constant: 0x2A, {CHECK}, delimiter: 0x31", "ends with a delimiter that is not a digit"),
         (f"payload: rest, constant: 0x2A, {CHECK.replace('xor8', 'crc-64/xz')}, delimiter: 0x0A", "at most 32 bits"),
         (f"cobs: [payload: rest, constant: 0x2A, {CHECK}], delimiter: 0x00", "its frame is not stuffed"),
     ],

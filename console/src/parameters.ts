@@ -22,7 +22,7 @@ const isPlain = (field: Field) => field.count === null && field.max_count === nu
 const isValue = (field: Field) =>
   field.kind === "number" && isPlain(field) && (!field.is_integer || Boolean(field.unit));
 
-/** Does this end a deadline, so that it is no parameter, although it is sent as one? */
+/** Does this end a deadline, so that it is not a parameter, although it is sent as one? */
 const isCommand = (protocol: Protocol, message: string, selector: Record<string, unknown>) =>
   protocol.deadlines.some(
     ({ recover_by: by }) =>

@@ -84,7 +84,7 @@ TEST_CASE("a number that does not fit is refused and nothing is changed") {
   CHECK(bits == 0x8001);
 }
 
-TEST_CASE("decimal digits are a number, and what is no digit is above all of them") {
+TEST_CASE("decimal digits are a number, and what is not a digit is above all of them") {
   CHECK(wirebond::from_bits<std::uint32_t, 28, Coding::bcd>(0xF1112694) == 1112694);
   CHECK(wirebond::from_bits<std::uint8_t, 8, Coding::bcd>(0x99) == 99);
   CHECK(wirebond::from_bits<std::uint8_t, 8, Coding::bcd>(0x0A) == 100);

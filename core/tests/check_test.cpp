@@ -87,7 +87,7 @@ TEST_CASE("CRCs of every width give their published check values, whole and in t
   expect<16, 0x1021, 0xFFFF, true, true, 0x0000>(0x6F91);                    // crc-16/mcrf4xx
   expect<16, 0x1021, 0xFFFF, true, true, 0xFFFF>(0x906E);                    // crc-16/ibm-sdlc
   expect<16, 0x8005, 0xFFFF, true, true, 0x0000>(0x4B37);                    // crc-16/modbus
-  expect<16, 0x1021, 0xB2AA, true, true, 0x0000>(0x63D0);                    // crc-16/riello: init is no palindrome
+  expect<16, 0x1021, 0xB2AA, true, true, 0x0000>(0x63D0);                    // crc-16/riello: init is not a palindrome
   expect<24, 0x864CFB, 0xB704CE, false, false, 0x000000>(0x21CF02);          // crc-24/openpgp
   expect<24, 0x00065B, 0x555555, true, true, 0x000000>(0xC25A56);            // crc-24/ble
   expect<32, 0x04C11DB7, 0xFFFFFFFF, true, true, 0xFFFFFFFF>(0xCBF43926);    // crc-32/iso-hdlc

@@ -1,4 +1,4 @@
-// Numbers in characters: the ends of every type, and what is no number.
+// Numbers in characters: the ends of every type, and what is not a number.
 #include "wirebond/digits.hpp"
 
 #include <doctest/doctest.h>

@@ -74,10 +74,10 @@ std::string fault_of(const FieldTable& field, std::uint64_t raw) {
     default: {
       const std::uint64_t wire = whole_of(field, raw);
       if (field.coding == Coding::bcd && wire == bcd_end(field.width)) {
-        return " has the digits " + hex_text(raw) + ", and others than 0 to 9 are no number";
+        return " has the digits " + hex_text(raw) + ", and others than 0 to 9 are not a number";
       }
       if (field.has_enum && enumerator_of(field, wire) < 0) {
-        return " is " + whole_text(field, wire) + ", which is no enumerator";
+        return " is " + whole_text(field, wire) + ", which is not an enumerator";
       }
       std::uint64_t rest = field.has_flags ? wire : 0;
       for (const auto& flag : field.flags) rest &= ~(std::uint64_t{1} << flag.second);

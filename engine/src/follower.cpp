@@ -55,7 +55,7 @@ Capture Follower::feed(const std::uint8_t* bytes, const Reads& reads) {
 }
 
 Capture Follower::idle(double t) {
-  if (!std::isfinite(t) || std::fabs(t) > 9e12) throw std::invalid_argument("the time is no time");
+  if (!std::isfinite(t) || std::fabs(t) > 9e12) throw std::invalid_argument("the time is not a time");
   time_ = std::max(time_, t);
   Collecting sink{*this};
   deframer_.idle(static_cast<std::uint64_t>(std::llround(time_ * 1e6)), sink);

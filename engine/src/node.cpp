@@ -100,7 +100,7 @@ class Reader {
     Node::Map out;
     for (; count != 0; --count) {
       Node key = one();
-      if (!key.is_text()) throw std::invalid_argument("a key is no text");
+      if (!key.is_text()) throw std::invalid_argument("a key is not text");
       std::string name = key.text();
       out.emplace_back(std::move(name), one());
     }

@@ -21,7 +21,7 @@ class PtyNumber {
   bool is_known() const { return before_.is_pty; }
 
   /// Check whether the path, whose remembered pty has ended, is a pty although the path itself is unchanged. False for
-  /// anything that is no pty.
+  /// anything that is not a pty.
   bool is_a_strangers(const std::string& path) const;
 
  private:

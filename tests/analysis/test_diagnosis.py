@@ -328,7 +328,7 @@ def test_the_table_of_monitor_shows_the_current_diagnosis(monkeypatch: pytest.Mo
     port.close()
     first, *_, last = screen.getvalue().split("Ctrl-C ends")[:-1]
     assert "diagnosis" not in first
-    assert "Many bytes are no frames, and I do not know why" in last
+    assert "Many bytes are not frames, and I do not know why" in last
     assert "wirebond explain" in last
 
 

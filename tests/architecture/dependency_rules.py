@@ -23,7 +23,7 @@ FREESTANDING = {
     "type_traits", "utility", "stdbool.h", "stddef.h", "stdint.h", "immintrin.h", "arm_neon.h",
 }  # fmt: skip
 GENERATED = re.compile(r"^[a-z0-9_]+\.hpp$")
-# What the vendors' own headers are called, which a port is written for. They are no part of this project.
+# What the vendors' own headers are called, which a port is written for. They are not part of this project.
 VENDOR = re.compile(r"^(stm32[a-z0-9]+xx(_hal(_[a-z0-9]+)?)?|gd32f[a-z0-9]+|FreeRTOS|task|usbd_cdc|tusb|Arduino)\.h$")
 MAY_USE_VENDOR = ("ports/", "firmware/boards/")
 

@@ -72,7 +72,7 @@ def test_a_recording_that_was_cut_short_opens_as_far_as_it_goes_and_says_what_is
     page = rover.page(f"recordings?recording={cut.name}")
     expect(page.locator(".problems")).to_contain_text("the last whole record")
     expect(page.get_by_role("slider", name="Position in the recording")).to_be_visible()
-    expect(page.get_by_role("row", name=none.name)).to_contain_text("is no MCAP file")
+    expect(page.get_by_role("row", name=none.name)).to_contain_text("is not an MCAP file")
     assert serious(page) == []
     stop = page.get_by_role("button", name="STOP").bounding_box()
     assert stop is not None and stop["x"] + stop["width"] <= 1280

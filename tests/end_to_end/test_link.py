@@ -362,7 +362,7 @@ def test_an_action_that_no_deadline_has_is_answered_with_those_that_there_are(po
         "nope": f"diffdrive has no deadline 'nope' at the host; {both}",
         "stop_navigatoin": f"diffdrive has no deadline 'stop_navigatoin' at the host; {near}",
         "odometry": f"diffdrive has no deadline 'odometry' at the host; {near}",
-        7: f"7 is no action of a deadline; {both}",
+        7: f"7 is not an action of a deadline; {both}",
     }
     with wirebond.open(codec("diffdrive"), port.path) as link:
         for action, sentence in sentences.items():

@@ -252,7 +252,7 @@ def test_a_removed_handler_is_not_called_and_its_messages_are_for_the_loop() -> 
         wait_until(lambda: got.extend(m["n"] for m in link.receive(0.01)) or len(got) == 4, "the rest")
         assert seen == [0]
         assert sorted(got) == [1, 2, 3, 4]  # those that had waited for it may come behind newer ones
-        with pytest.raises(UsageError, match="is no handler of this link"):
+        with pytest.raises(UsageError, match="is not a handler of this link"):
             link.off(slow)
 
 
@@ -348,7 +348,7 @@ def test_a_handler_of_nothing_is_refused() -> None:
             link.on("pose")(coroutine)
         with pytest.raises(UsageError, match=r"write @link\.on\(\) for all"):
             link.on(lambda _: None)  # type: ignore[call-overload]
-        with pytest.raises(UsageError, match="int is no message of a generated module"):
+        with pytest.raises(UsageError, match="int is not a message of a generated module"):
             link.on(int)(lambda _: None)  # type: ignore[type-var]
         with pytest.raises(UsageError, match="running event loop"):
             _ = link.aio
@@ -356,7 +356,7 @@ def test_a_handler_of_nothing_is_refused() -> None:
 
 
 async def _aio_refuses(link: wirebond.Link) -> None:
-    with pytest.raises(UsageError, match="is no coroutine function"):
+    with pytest.raises(UsageError, match="is not a coroutine function"):
         link.aio.on("pose")(lambda _: None)  # type: ignore[arg-type, return-value]
 
 

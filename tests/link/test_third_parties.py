@@ -154,7 +154,7 @@ def test_a_server_without_rfc_2217_is_reported(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr("wirebond.link.python_ports._RFC2217_OPTIONS", "ign_set_control&timeout=0.2")
     with socket.create_server(("127.0.0.1", 0)) as server:
         number = server.getsockname()[1]
-        with pytest.raises(PortError, match=f"is no RFC 2217 server.* name it tcp://127.0.0.1:{number}"):
+        with pytest.raises(PortError, match=f"is not an RFC 2217 server.* name it tcp://127.0.0.1:{number}"):
             wirebond.open(without_deadlines(), f"rfc2217://127.0.0.1:{number}")
 
 

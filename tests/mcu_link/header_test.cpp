@@ -391,7 +391,7 @@ TEST_CASE("a host that asked one takes no other's reply") {
   CHECK(receiver.foreign() == 1);
   CHECK(receiver.account().frames == 1);
   arrive(headers::Answer{0.5F}, 3);
-  arrive(headers::Beat{7}, 4);  // that is no reply to what was asked
+  arrive(headers::Beat{7}, 4);  // that is not a reply to what was asked
   CHECK(host.answers.size() == 1);
   CHECK(host.answers.back().second.servo == 3);
   CHECK(host.beats.size() == 1);
@@ -467,7 +467,7 @@ TEST_CASE("a host's link takes a reply from the addresses that it has asked for 
   CHECK(master.answers_of({4, 1}) == Servos{1});
 }
 
-TEST_CASE("at a host's link each reply has addresses of its own, and what is no reply has none") {
+TEST_CASE("at a host's link each reply has addresses of its own, and what is not a reply has none") {
   Master master;
   master.ask(headers::Ask{}, 3);
   master.ask(headers::Move{}, 7);  // has no reply

@@ -165,7 +165,7 @@ TEST_CASE("beside the host, an end that hears itself tells both apart, once a fr
   CHECK(bench.link.why() == Why::hears_itself);
 }
 
-TEST_CASE("where frames of unknown messages are refused, own ones are no frames") {
+TEST_CASE("where frames of unknown messages are refused, own ones are not frames") {
   using Buffers = diffdrive::McuBuffers<256, 256>;
   Bench<diffdrive::McuLink<Handler, ScriptedPort, Buffers>, Buffers> bench(Hears::as_it_leaves);
   for (int i = 0; i < 100; ++i) {

@@ -81,7 +81,7 @@ TEST_CASE("a value that its field does not allow is refused, with the value that
   CHECK(bench.gains.sets + bench.gains.stored == 2);
 }
 
-TEST_CASE("an index that its field does not allow is no parameter, also where the table has it") {
+TEST_CASE("an index that its field does not allow is not a parameter, also where the table has it") {
   Bench bench;
   for (const std::uint8_t index : {std::uint8_t{2}, std::uint8_t{9}}) {
     REQUIRE(bench.ask(loose::Read{index}));

@@ -119,7 +119,7 @@ TEST_CASE("an emergency stop acts late, held back, and of a host of another file
     bench.rover.speeds.clear();
     bench.come(held::emergency_stop_drive(), after_us);
     CHECK(bench.rover.speeds == std::vector<float>{0.1F});
-    bench.come(bench.drive(0.1F), after_us);  // another mode: it is no stop
+    bench.come(bench.drive(0.1F), after_us);  // another mode: it is not a stop
     bench.come(held::Drive{0.101F, held::Drive::Mode::idle}, after_us);
     CHECK(bench.rover.speeds == std::vector<float>{0.1F});
     CHECK(bench.link.counters().late + bench.link.counters().held_back == 2);

@@ -91,7 +91,7 @@ TEST_CASE("a clock that stands still is found in the same way") {
   CHECK(bench.link.why() == Why::wrong_time_base);
 }
 
-TEST_CASE("a full line is no fault of the clock, with a tick of ten milliseconds, stalls and a fast sender") {
+TEST_CASE("a full line is not a fault of the clock, with a tick of ten milliseconds, stalls and a fast sender") {
   Bench bench;
   std::uint32_t at_us = 0;
   double sent = 0;
@@ -145,7 +145,7 @@ TEST_CASE("a port's tick shows milliseconds given as microseconds without a byte
   }
 }
 
-TEST_CASE("a tick that stands still, as while flash is erased, is no fault of the poll's clock") {
+TEST_CASE("a tick that stands still, as while flash is erased, is not a fault of the poll's clock") {
   Bench<TickingPort> bench;
   for (std::uint32_t i = 0; i < 5'000; ++i) {
     if (i < 1'000 || i > 4'000) ++bench.port.ticks;

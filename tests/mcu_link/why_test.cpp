@@ -150,7 +150,7 @@ TEST_CASE("reception that ended without an error event begins again at the next 
   CHECK(board.link.why() == Why::nothing_heard);
 }
 
-TEST_CASE("reception that an error event ended is no stop without one, whoever finds it first") {
+TEST_CASE("reception that an error event ended is not a stop without one, whoever finds it first") {
   Board<ScriptedPort> board;
   board.poll();
   board.come();

@@ -58,7 +58,7 @@
         start: (controller) => (this.#output = controller),
         write: (chunk) => {
           if (!(chunk instanceof Uint8Array) && !(chunk instanceof ArrayBuffer))
-            throw new TypeError("Failed to execute 'write' on 'UnderlyingSinkBase': the chunk is no BufferSource.");
+            throw new TypeError("Failed to execute 'write' on 'UnderlyingSinkBase': the chunk is not a BufferSource.");
           const done = new Promise((resolve, reject) => this.#acknowledged.push({ resolve, reject }));
           socket.send(chunk);
           globalThis.bytesWritten += chunk.byteLength; // for tests

@@ -89,7 +89,7 @@ def test_the_page_takes_the_file_of_another_protocol(diffdrive_page: Path, tmp_p
     with seat_of(diffdrive_page, browser) as seat:
         page = seat.open("link")
         page.get_by_label("Another protocol").set_input_files(diffdrive_page / "index.html")
-        expect(page.get_by_text("This is no file that `wirebond gen --lang page` wrote")).to_be_visible()
+        expect(page.get_by_text("This is not a file that `wirebond gen --lang page` wrote")).to_be_visible()
         page.get_by_label("Another protocol").set_input_files(other / "protocol.json")
         expect(page.get_by_label("Baud rate")).to_have_attribute(
             "placeholder", str(wirebond.load("protocols/native.yaml").model.link.baud)

@@ -98,7 +98,7 @@ def test_sixteen_fields_are_possible() -> None:
         ("{field: x, type: u8, default: 256}", "5:35: 256 does not fit `x`, which takes values from 0 to 255"),
         (
             "{field: x, type: u8, default: {host: 1}}",
-            "this mapping is no default; write one value, or `{host: 255, mcu",
+            "this mapping is not a default; write one value, or `{host: 255, mcu",
         ),
         ("{field: x, type: u8, default: {host: 1, mcu: 256}}", "5:50: 256 does not fit `x`"),
         (

@@ -27,7 +27,7 @@ messages:
 """
 NESTED = [
     # types of numbers
-    ("number: {type: u8}", "number: {type: @u11}", "u11 is no whole number of bytes; pack several (`count: 8"),
+    ("number: {type: u8}", "number: {type: @u11}", "u11 is not a whole number of bytes; pack several (`count: 8"),
     ("number: {type: u8}", "number: {type: @s8le}", "`s8le` has no byte order to choose; write `s8`"),
     ("number: {type: u8}", "number: {type: s8, enum: {low: @-128}}", "-128 does not fit s8 (from -127 to 127)"),
     # bit fields
@@ -66,7 +66,7 @@ NESTED = [
     ("struct: point", "struct: @pint", "there is no type `pint`; did you mean `point`?"),
     ("struct: point", "struct: @3", "is not possible here; write a mapping"),
     ("{struct: point}", "@{struct: point, type: u8}", "`type` and `struct` are two kinds of field; keep one"),
-    ("struct: point", "struct: {x: {type: @u9}}", "u9 is no whole number of bytes"),
+    ("struct: point", "struct: {x: {type: @u9}}", "u9 is not a whole number of bytes"),
     ("y: {type: i16}}", "y: {struct: @point}}", "a type cannot contain itself (`point` in `point`); take it out"),
     ("point: {x: {type: i16}, y: {type: i16}}", "point: @{}", "`point` has too few entries (0)"),
     ("point: {x:", "scan: {x: {type: u8}}\n  point: {x:", "`scan` and `scan` both become `Scan` in C++; rename one"),
@@ -98,7 +98,7 @@ NESTED = [
     (
         "{count: number, max: 9, fields: point}",
         "{count: {bytes: @3}, max: 9, fields: point}",
-        "`3` is no field that counts",
+        "`3` is not a field that counts",
     ),
     (
         "{count: number, max: 9, fields: point}",

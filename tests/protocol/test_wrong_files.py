@@ -365,7 +365,7 @@ MEANING = [
     (
         "faults: {type: u8,",
         "@t: {type: u32, unit: us, clock: mcu}\n      x: {type: u8, count: t, max: 3}\n      faults: {type: u8,",
-        "`t` counts elements, so it is no time",
+        "`t` counts elements, so it is not a time",
     ),
     (
         "faults: {type: u8,",
@@ -392,7 +392,7 @@ MEANING = [
     ("deadlines:", "services: {@pong: {message: drive}}\ndeadlines:", "did you mean `ping`?"),
     ("deadlines:", "services: {counters: {message: @state}}\ndeadlines:", "is called like a counter of the MCU's link"),
     ("deadlines:", f"{COUNTS.format('{late: {type: u16}}')}", "the MCU sends its counters by itself; give"),
-    ("deadlines:", f"{COUNTS.format('{late: {type: u16, scale: 0.1}}')}", "`late` in `counts` is no plain unsigned"),
+    ("deadlines:", f"{COUNTS.format('{late: {type: u16, scale: 0.1}}')}", "`late` in `counts` is not a plain unsigned"),
     ("deadlines:", f"{COUNTS.format('{late: {type: u16, range: [0, 9]}}')}", "takes every value; remove its `range`"),
 ]
 

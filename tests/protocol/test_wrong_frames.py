@@ -51,7 +51,10 @@ FRAMES = [
     ("id: u8, payload: 20, check: {type: xor8, @unit: 2}", "8 bits do not hold words of 16; write `unit: 1`"),
     ("id: u8, payload: 20, check: {type: crc-32, unit: 4, @odd: xor}", "a CRC has no `odd: xor`"),
     ("id: u8, payload: 20, check: {type: xor8, @bcd: true}", "only a sum has `bcd`; remove it"),
-    ("id: u8, payload: 20, check: {type: sum, width: 10, @bcd: true}", "10 are no multiple of that; write `width: 12`"),
+    (
+        "id: u8, payload: 20, check: {type: sum, width: 10, @bcd: true}",
+        "10 are not a multiple of that; write `width: 12`",
+    ),
     (
         "id: u8, payload: 20, check: {type: sum16, @avoid: {values: 0x0D, plus: 1}}",
         "only a check of up to 8 bits, sent as a byte, has values to avoid; remove `avoid`",

@@ -1,4 +1,4 @@
-"""Text that is no protocol file at all: one sentence, soon, whatever it is."""
+"""Text that is not a protocol file at all: one sentence, soon, whatever it is."""
 
 from pathlib import Path
 

@@ -71,11 +71,11 @@ def test_one_of_hex_digits_is_the_same(capture: Path, name: str) -> None:
 def test_an_invalid_hex_digit_is_named_with_its_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "line.hex"
     path.write_text("AA 55\n01 zz\n")
-    with pytest.raises(UsageError, match=r"line\.hex:2: 'z' is no hex digit"):
+    with pytest.raises(UsageError, match=r"line\.hex:2: 'z' is not a hex digit"):
         recordings.open(path, FILE)
     for command in (["info", str(path), "--protocol", FILE], ["decode", FILE, str(path)], ["identify", str(path)]):
         assert main(command) == 2
-        assert "line.hex:2: 'z' is no hex digit" in " ".join(capsys.readouterr().err.split())
+        assert "line.hex:2: 'z' is not a hex digit" in " ".join(capsys.readouterr().err.split())
 
 
 def test_bytes_of_the_host_are_the_sent_ones(tmp_path: Path) -> None:
@@ -96,7 +96,7 @@ def test_without_a_protocol_a_sentence_asks_for_one(capture: Path, capsys: pytes
     with pytest.raises(WirebondError, match="is empty"):
         recordings.open(empty, FILE)
     recording = capture.rename(capture.with_name("line.mcap"))
-    with pytest.raises(WirebondError, match="is no MCAP file"):
+    with pytest.raises(WirebondError, match="is not an MCAP file"):
         recordings.open(recording, FILE)
 
 

@@ -265,7 +265,11 @@ def test_a_file_that_is_no_recording_gets_a_sentence(
     tmp_path: Path, diffdrive: wirebond.Codec, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "x.mcap"
-    for content, said in ((b"", "is empty"), (b"hello", "is no MCAP file"), (b"\x89MCAP0\r\n", "of another program")):
+    for content, said in (
+        (b"", "is empty"),
+        (b"hello", "is not an MCAP file"),
+        (b"\x89MCAP0\r\n", "of another program"),
+    ):
         path.write_bytes(content)
         for command in (["info", str(path)], ["export", str(path), "--to", "csv"]):
             assert main(command) == 1

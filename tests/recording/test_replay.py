@@ -191,7 +191,7 @@ def test_wrong_options_have_their_sentence(run: Path, tmp_path: Path, capsys: py
     for port, said in (
         ("replay:", "names no recording"),
         (f"replay:{run}?spped=2", "option 'spped'"),
-        (f"replay:{run}?speed=fast", "is no number"),
+        (f"replay:{run}?speed=fast", "is not a number"),
         (f"replay:{run}?speed=-1", "the speed is -1"),
         (f"replay:{run}?from=2&to=1", "more than the start"),
     ):

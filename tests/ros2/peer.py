@@ -41,7 +41,7 @@ class Peer:
         self.subscriptions = BuiltinDataReader(self._participant, BuiltinTopicDcpsSubscription)
 
     def listen(self, topic: str, type_name: str, latched: bool = False, raw: str = "") -> None:
-        """Hear this topic from now on. ``raw``: its name in DDS, where that is no topic of ROS."""
+        """Hear this topic from now on. ``raw``: its name in DDS, where that is not a topic of ROS."""
         reliable = Policy.Reliability.Reliable(duration(seconds=1))
         durability = Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile
         qos = Qos(reliable, durability, Policy.History.KeepLast(1000))

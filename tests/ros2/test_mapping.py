@@ -117,7 +117,7 @@ SUBSCRIBE = "subscribe: [{{topic: t, type: {}, message: {}, fields: {{{}}}}}]"
         (SUBSCRIBE.format("geometry_msgs/Twist", "velocity", "up: linear.x"), (2, 79), "velocity has no field `up`"),
         (SUBSCRIBE.format("std_msgs/String", "velocity", "linear: data"), (2, 83), "data is a text, and linear takes a number"),
         (SUBSCRIBE.format("std_msgs/Float32", "parameter", "value: data"), (2, 76), "parameter needs name, without a default; map it here"),
-        ("poll: [velocity]", (2, 8), "velocity is no request with an `every`"),
+        ("poll: [velocity]", (2, 8), "velocity is not a request with an `every`"),
         ("navigation: {deadline: stop}", (2, 24), "the host has no deadline `stop`"),
         ("diagnostics: [{message: status, field: battery}]", (2, 40), "battery is a number; expected a field with `flags`"),
         ("diagnostics: [{message: status, field: errors, words: {motor: hot}}]", (2, 56), "errors has no flag `motor`"),

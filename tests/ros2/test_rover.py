@@ -389,7 +389,7 @@ def test_frames_of_a_topic_are_sent_under_the_same_rules(driving: Peer) -> None:
         nonlocal wrong
         wrong += 1
         send("aa 55 01 f4 01 00 00 00 00 ff 0d")  # of the specification's examples, whose check is wrong
-        return said(driving, "11 of its 11 bytes are no frame of diffdrive")
+        return said(driving, "11 of its 11 bytes are not a frame of diffdrive")
 
     driving.wait(drives)
     driving.wait(is_refused)

@@ -235,11 +235,11 @@ def test_a_request_in_json_gets_its_reply(served: Served) -> None:
 @pytest.mark.parametrize(
     ("body", "sentence"),
     [
-        (b"{", "this is no request that the server knows"),
-        (b"[]", "this is no request that the server knows"),
-        (b'{"do": "fly"}', "this is no request that the server knows"),
-        (b'{"do": "beat", "tick": "soon"}', "this is no request that the server knows"),
-        (b"\xff\xfe", "this is no request that the server knows"),
+        (b"{", "this is not a request that the server knows"),
+        (b"[]", "this is not a request that the server knows"),
+        (b'{"do": "fly"}', "this is not a request that the server knows"),
+        (b'{"do": "beat", "tick": "soon"}', "this is not a request that the server knows"),
+        (b"\xff\xfe", "this is not a request that the server knows"),
         (b'{"do": "beat"}', "the first message must be"),
     ],
 )

@@ -89,7 +89,7 @@ def test_junk_after_the_answer_takes_the_link_down_with_a_sentence(served: Serve
         said = next(body for _, body in splitter.feed(client.recv(1 << 20)) if b'"re"' in body)
     tick = words.json_message({"event": "tick", "tick": json.loads(said)["tick"]})
     with hostile(words.framed(words.JSON, said), tick, junk) as port:
-        sentence = "sent bytes that no Wirebond server sends|is no Wirebond server: it sent"
+        sentence = "sent bytes that no Wirebond server sends|is not a Wirebond server: it sent"
         with pytest.raises((LinkDownError, PortError), match=sentence):
             wirebond.open(served.codec, f"wirebond://127.0.0.1:{port}?token=x")
 

@@ -130,7 +130,7 @@ def test_a_program_that_asks_in_a_loop_does_not_win_by_chance(served: Served, re
         assert served.server.holder is None
         assert [m["linear"] for m in served.sent(0.1) if m.name == "velocity" and m["linear"]] == []
         if releases == "the owner of the link":
-            with served.attach() as new:  # a program that a person starts now is no loop
+            with served.attach() as new:  # a program that a person starts now is not a loop
                 new.send("velocity", linear=0.1, angular=0.0)
         else:
             stops.send("velocity", linear=0.1, angular=0.0)

@@ -22,7 +22,7 @@ CAME = "3 other messages arrived: odometry 3; 11 bytes were discarded: check_mis
 
 
 def chatter(served: Served) -> None:
-    """Three messages that are no reply, and a damaged one."""
+    """Three messages that are not a reply, and a damaged one."""
     odometry = served.codec.encode("odometry", left_ticks=1, right_ticks=2)
     damaged = odometry[:-2] + bytes([odometry[-2] ^ 1]) + odometry[-1:]
     served.pty.write(odometry + damaged + odometry * 2)

@@ -150,7 +150,7 @@ def test_refusals_have_their_sentences(server: Server, tmp_path: Path) -> None:
         (folder / "cut.mcap").write_bytes(Path(began.path).read_bytes())
         states = {one.name: (one.state, one.error) for one in link.recordings.list()}
         assert states["other.mcap"][0] == "unreadable"
-        assert "is no MCAP file" in states["other.mcap"][1]
+        assert "is not an MCAP file" in states["other.mcap"][1]
         assert states["cut.mcap"] == ("unclosed", "")
         with pytest.raises(wirebond.UsageError, match="is not closed; `wirebond info"):
             link.recordings.annotate("cut.mcap", "x")

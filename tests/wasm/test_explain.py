@@ -55,7 +55,7 @@ def assert_same_values(frame: bytes, rows: tuple[Row, ...], found: dict[str, Any
     )
     theirs = places_of(rows, payload)
     assert ours - theirs == Counter(), frame.hex()
-    # Reserved bytes and padding are no values of the message.
+    # Reserved bytes and padding are not values of the message.
     others = {name.partition("[")[0] for name, *_ in theirs - ours}
     assert not others & names_in(found["message"]["fields"]), frame.hex()
 

@@ -355,7 +355,7 @@ function withBytes(
 export function bytesOf(digits: string): Uint8Array {
   const text = digits.replace(/\s/g, "");
   if (!/^([0-9a-f]{2})*$/i.test(text)) {
-    throw new RefusedError("message", `${digits.slice(0, 40)} are no bytes; write two hexadecimal digits for each`);
+    throw new RefusedError("message", `${digits.slice(0, 40)} are not bytes; write two hexadecimal digits for each`);
   }
   return Uint8Array.from(text.match(/../g) ?? [], (pair) => parseInt(pair, 16));
 }

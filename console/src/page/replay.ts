@@ -82,7 +82,7 @@ export async function addRecording(store: Store, name: string, file: Blob): Prom
 }
 
 function noRecording(name: string): Error {
-  return new Error(`${name} is no recording of Wirebond; choose one that \`wirebond record\` or a page made`);
+  return new Error(`${name} is not a recording of Wirebond; choose one that \`wirebond record\` or a page made`);
 }
 
 async function contentOf(file: Blob): Promise<Content> {

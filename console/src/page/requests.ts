@@ -5,7 +5,7 @@ import type { Facts } from "./facts";
 const OWN_SEND = 1; // seconds that the reply to a message of plain `send` may take
 const LATE = 10; // seconds after which no reply to an old request is expected any more
 const MOST = 1024; // questions of one reply that are remembered
-const SLACK = 0.05; // seconds: a message that was read longer than this before its request left is no reply to it
+const SLACK = 0.05; // seconds: a message that was read longer than this before its request left is not a reply to it
 
 type Outcome = { reply: Message } | { error: Error };
 

@@ -28,7 +28,7 @@ const STALLED = 0.05; // seconds without a check: bytes that come then may have 
 const LONGEST_SLEEP = 0.5;
 const FIRST_OPEN_WAIT = 0.02; // seconds before a port that went away is tried again
 const LAST_OPEN_WAIT = 1;
-const SETTLED_AFTER = 1; // a port that lasted so long is no port that fails at once
+const SETTLED_AFTER = 1; // a port that lasted so long is not a port that fails at once
 export class Robot {
   readonly requests: RequestBook;
   readonly peer: PeerBook;

@@ -291,7 +291,7 @@ export class Rounds {
   }
 }
 
-/** The first column of a plain number; else the first one that is no time stamp. */
+/** The first column of a plain number; else the first one that is not a time stamp. */
 function sparkColumn(source: Source, name: string, columns: string[]): string | undefined {
   const { fields } = source.facts.protocol.messages.find((message) => message.name === name)!;
   const stamps = new Set(fields.filter((field) => field.is_time).map((field) => field.name));

@@ -37,7 +37,7 @@ test("a step downwards is measured as one upwards", () => {
   expect(found.final).toBeCloseTo(-2, 2);
 });
 
-test("noise alone is no response, and a few samples are too few", () => {
+test("noise alone is not a response, and a few samples are too few", () => {
   const t = Array.from({ length: 200 }, (_, index) => index * 0.01);
   const y = t.map((_, index) => Math.sin(index * 12.9898) * 0.1);
   expect(analyse(t, y, 1, null)).toBe("no_response");
@@ -81,7 +81,7 @@ test("gains that a message sets are read back by the request whose reply has the
   expect(source?.parameters.map((one) => one.key)).toEqual(["p", "i", "d"]);
 });
 
-test("a message that names its one value has a parameter for each name that is no command", () => {
+test("a message that names its one value has a parameter for each name that is not a command", () => {
   const name = field("name", { kind: "enum", values: { clear: 0, max_linear: 1, max_angular: 2 } });
   const recover_by = { message: "parameter", fields: { name: "clear", value: 0 }, header: {} };
   const rover = {

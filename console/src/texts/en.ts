@@ -312,7 +312,7 @@ export const en = {
     private: "No data from the port leaves this computer.",
     protocol: "Another protocol",
     protocolText: "A file protocol.json that `wirebond gen FILE --lang page` wrote.",
-    notThatFile: "This is no file that `wirebond gen --lang page` wrote; choose its protocol.json.",
+    notThatFile: "This is not a file that `wirebond gen --lang page` wrote; choose its protocol.json.",
     otherRelease: "That file is of another release than this page; generate both again.",
     openRecording: "Open a recording file",
   },

@@ -75,7 +75,7 @@ constexpr std::uint64_t bcd_end(unsigned width) {
 }
 
 /// Return the number whose decimal digits are the lowest `width` (4 to 60) bits of `raw`, four bits each, the highest
-/// first. If one of them is above 9, this is no number, and the result is `bcd_end`, which is above all of them.
+/// first. If one of them is above 9, this is not a number, and the result is `bcd_end`, which is above all of them.
 constexpr std::uint64_t from_bcd(std::uint64_t raw, unsigned width) {
   std::uint64_t number = 0;
   for (unsigned place = width; place >= 4; place -= 4) {

@@ -167,8 +167,8 @@ WIREBOND_INLINE constexpr std::uint32_t sum_step(const CheckAlgorithm& a, std::u
   return static_cast<std::uint32_t>(a.modulus != 0 ? sum % a.modulus : sum);
 }
 
-// Where the unit is a word, a register of up to 32 bits has those bytes above it that are no whole word yet: three at
-// most, the first one lowest, and their number in the highest eight bits. So it goes on from any byte.
+// Where the unit is a word, a register of up to 32 bits has those bytes above it that are not a whole word yet: three
+// at most, the first one lowest, and their number in the highest eight bits. So it goes on from any byte.
 
 WIREBOND_INLINE constexpr unsigned waiting_bytes(std::uint64_t reg) { return static_cast<unsigned>(reg >> 56); }
 

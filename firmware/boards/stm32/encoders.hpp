@@ -19,7 +19,7 @@ class Encoder {
     init.IC1Polarity = init.IC2Polarity = TIM_ICPOLARITY_RISING;
     init.IC1Selection = init.IC2Selection = TIM_ICSELECTION_DIRECTTI;
     init.IC1Prescaler = init.IC2Prescaler = TIM_ICPSC_DIV1;
-    init.IC1Filter = init.IC2Filter = 6;  // a spike of less than 0.1 us is no edge
+    init.IC1Filter = init.IC2Filter = 6;  // a spike of less than 0.1 us is not an edge
     if (HAL_TIM_Encoder_Init(&handle_, &init) != HAL_OK) fail();
     if (HAL_TIM_Encoder_Start(&handle_, TIM_CHANNEL_ALL) != HAL_OK) fail();
   }

@@ -42,7 +42,7 @@ class SimulatedBoard {
   float left_s_ = 0.0F;
 };
 
-/// Return the number in this text; 0 if it is no number of a servo.
+/// Return the number in this text; 0 if it is not a number of a servo.
 std::uint8_t address_of(const char* text) {
   char* end = nullptr;
   const long number = std::strtol(text, &end, 10);

@@ -37,7 +37,7 @@ TEST_CASE("the data register is read at an idle event alone, so that no byte is 
   CHECK(bench.board.taken_bytes() == 0);
 }
 
-TEST_CASE("the transmit channel's interrupt without its flag is no completion") {
+TEST_CASE("the transmit channel's interrupt without its flag is not a completion") {
   Bench bench;
   events.uart.transmit_interrupt(events);
   CHECK(events.log.empty());

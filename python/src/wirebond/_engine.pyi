@@ -139,7 +139,7 @@ class CdrCommand:
         :returns: None: the protocol has no such message.
         """
     def frames(self, messages: list[bytes], first: int = 0) -> list[bytes]:
-        """:returns: the frame of each, from ``first`` on, up to one whose bytes are no message, or that has a value
+        """:returns: the frame of each, from ``first`` on, up to one whose bytes are not a message, or that has a value
         which is not within its bounds.
         """
 
@@ -279,9 +279,9 @@ class Link:
     def __init__(
         self, protocol: ProtocolTable, receive: FormatTable, port: dict[str, Any], settings: EngineSettings
     ) -> None:
-        """``port``: ``name``; ``waits``: a port that cannot be opened is no error; ``host`` and ``service`` for TCP;
-        ``root``, where the system's ``sys`` is, for a tty; ``resolve``, called without arguments, for one whose path
-        may change."""
+        """``port``: ``name``; ``waits``: a port that cannot be opened is not an error; ``host`` and ``service`` for
+        TCP; ``root``, where the system's ``sys`` is, for a tty; ``resolve``, called without arguments, for one whose
+        path may change."""
     def set_stamper(self, stamper: Callable[[Message], tuple[float, float] | None] | None) -> None:
         """:param stamper: gives stamp and error of the messages that are taken from here on. It keeps no link."""
     def send(self, message: int, frame: bytes, reply: int, takes_number: bool, address: int) -> int:
@@ -429,7 +429,7 @@ def decode_columns(
     :param capture: a buffer.
     :param threads: 1 or more.
     :returns: ``messages``: by name a dict of ``fields`` and ``offset``; ``stats`` as ``Decoder.stats``.
-    :raises TypeError: ``capture`` is no buffer.
+    :raises TypeError: ``capture`` is not a buffer.
     """
 
 def decode_timed_columns(

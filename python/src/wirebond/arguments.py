@@ -39,7 +39,7 @@ def real(name: str, value: object, expected: str) -> float:
 
     :param name: of the argument.
     :param expected: what it should be, for the sentence.
-    :raises UsageError: it is no number, or one that no float holds.
+    :raises UsageError: it is not a number, or one that no float holds.
     """
     if isinstance(value, numbers.Real) and not isinstance(value, bool):
         try:
@@ -71,7 +71,7 @@ def hex_bytes(text: str) -> bytes:
     digits = re.sub(r"0[xX]|[\s:,;_-]", "", text)
     wrong = re.search(r"[^0-9a-fA-F]", digits)
     if wrong:
-        raise UsageError(f"'{wrong.group()}' is no hex digit; write bytes as AA 55 01 or aa5501")
+        raise UsageError(f"'{wrong.group()}' is not a hex digit; write bytes as AA 55 01 or aa5501")
     if len(digits) % 2:
         raise UsageError(f"{len(digits)} hex digits do not make whole bytes; write two digits per byte")
     return bytes.fromhex(digits)

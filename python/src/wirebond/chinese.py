@@ -58,7 +58,7 @@ class Pair:
 def read_pairs(text: str) -> list[Pair]:
     """Read the pairs of a table.
 
-    :raises ValueError: it is no table, or a pair is none.
+    :raises ValueError: it is not a table, or a pair is none.
     """
     pairs = []
     for number, block in enumerate(re.split(r"\n\s*\n", text.strip()), 1):

@@ -164,13 +164,13 @@ class Decoder:
         self._sender = sender
 
     def feed(self, data: Buffer, t: float = 0.0) -> list[Message]:
-        """Take what was read. Any bytes are fine; what is no frame is counted.
+        """Take what was read. Any bytes are fine; what is not a frame is counted.
 
         :param data: any number of bytes; any buffer, also one whose bytes are not contiguous (it is copied).
         :param t: when they were read, in seconds on a clock of your choice. A time before the latest one counts as
             the latest.
         :returns: the messages that these bytes complete, in the order of the stream.
-        :raises TypeError: ``data`` is no buffer, or ``t`` no number.
+        :raises TypeError: ``data`` is not a buffer, or ``t`` is not a number.
         :raises UsageError: ``t`` is not finite.
         """
         return self.engine.feed(data, t)
@@ -201,7 +201,7 @@ class Decoder:
 
         :param t: when that read began, in seconds on the clock of ``feed``.
         :returns: messages that came after a false start.
-        :raises TypeError: ``t`` is no number.
+        :raises TypeError: ``t`` is not a number.
         :raises UsageError: ``t`` is not finite.
         """
         return self.engine.idle(t)
@@ -387,8 +387,8 @@ class Codec:
         :returns: the frame as it is on the wire, delimiters included.
         :raises MessageError: unknown message or field, a value out of range, not finite or of the wrong type; or no
             form of the frame can carry the message.
-        :raises UsageError: ``sender`` is no end; or ``header`` or ``sender`` is given, and the message has a field of
-            that name which is not among ``values``, where it belongs.
+        :raises UsageError: ``sender`` is not an end; or ``header`` or ``sender`` is given, and the message has a field
+            of that name which is not among ``values``, where it belongs.
         """
         index = self._index.get(message) if isinstance(message, str) else None
         if index is None:
@@ -453,8 +453,8 @@ class Codec:
             A group has columns for each element, such as ``joints[3].position``. If its number varies, there are
             columns for the maximum: floats that are NaN, or lists with None, where a row has fewer elements.
             Behind them a column for each header field, such as ``header.servo``: 0 in frames that do not have it.
-        :raises TypeError: ``capture`` is no buffer, or ``progress`` cannot be called.
-        :raises UsageError: a sender as for ``decoder``, or ``threads`` is no number of 1 or more.
+        :raises TypeError: ``capture`` is not a buffer, or ``progress`` cannot be called.
+        :raises UsageError: a sender as for ``decoder``, or ``threads`` is not a number of 1 or more.
         """
         if threads is not None and (not isinstance(threads, int) or threads < 1):
             raise UsageError(f"threads is {shown(threads)}; expected 1 or more, or None for as many as there are cores")
@@ -470,7 +470,7 @@ class Codec:
         """Return the log line of a received message.
 
         :param message: one that a decoder or a link of this protocol gave.
-        :returns: its level and text; None where it is no log line.
+        :returns: its level and text; None where it is not a log line.
         """
         index = self._index.get(message.name)
         return None if index is None else log_line(self.model, self.model.messages[index], message.fields)
@@ -511,6 +511,6 @@ def load(path: str | os.PathLike[str]) -> Codec:
     :param path: of the file.
     :returns: the protocol, ready to encode and to decode.
     :raises ProtocolFileError: with every problem of the file.
-    :raises UsageError: ``path`` is no path.
+    :raises UsageError: ``path`` is not a path.
     """
     return Codec(load_model(path_of("the protocol file", path, "a path, such as robot.yaml")))

@@ -82,7 +82,7 @@ def message_class(kind: type) -> Any:
         if isinstance(vars(base).get("NAME"), str):
             return base
     given = kind.__name__ if isinstance(kind, type) else shown(kind)
-    raise UsageError(f"{given} is no message of a generated module; give a message's name or its class")
+    raise UsageError(f"{given} is not a message of a generated module; give a message's name or its class")
 
 
 def maker_of(kind: type) -> Callable[[Message], Any]:

@@ -15,7 +15,7 @@ def write_whole(path: Path, content: str | bytes, *, new: bool = False, lasting:
     """Write ``content`` beside ``path``, then give it that name in one step.
 
     An existing file keeps its permissions and, where this process may do so, its owner; of a symbolic link it is the
-    target that is written. What is no regular file (a pipe, ``/dev/stdout``) is written as it is.
+    target that is written. What is not a regular file (a pipe, ``/dev/stdout``) is written as it is.
 
     :param path: in a folder that exists.
     :param content: text is written as UTF-8.

@@ -70,11 +70,11 @@ def test_parity_stop_bits_and_stuffing_are_counted() -> None:
 @pytest.mark.parametrize(
     ("traffic", "sentence"),
     [
-        ("sentry_gimbal_msg", "is no load; write message=frames per second"),
-        ("sentry_gimbal_msg=fast", "is no load"),
-        ("sentry_gimbal_msg=0", "is no load"),
-        ("sentry_gimbal_msg=nan", "is no load"),
-        ("", "is no load"),
+        ("sentry_gimbal_msg", "is not a load; write message=frames per second"),
+        ("sentry_gimbal_msg=fast", "is not a load"),
+        ("sentry_gimbal_msg=0", "is not a load"),
+        ("sentry_gimbal_msg=nan", "is not a load"),
+        ("", "is not a load"),
         ("sentry=1000", "no message 'sentry'; did you mean "),
         ("robot:47=1000", "write host:47 or mcu:47"),
         ("mcu:-1=1000", "write host:47 or mcu:47"),

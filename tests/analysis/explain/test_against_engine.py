@@ -122,7 +122,7 @@ def test_every_byte_is_in_one_stretch_and_frames_carry_the_decoders_values(name:
 
 @pytest.mark.parametrize("path", VALUES, ids=lambda path: path.stem)
 def test_values_and_broken_field_rules_are_the_engines(path: Path) -> None:
-    """Random payloads: values beyond every range, numbers without a name, NaN, text that is no UTF-8, wrong counts."""
+    """Random payloads: values beyond every range, numbers without a name, NaN, text that is not UTF-8, wrong counts."""
     proto = loaded(path)
     source = random.Random(path.stem)
     for message in proto.model.messages:

@@ -49,7 +49,7 @@ def frame_of(text: str) -> bytes:
 def explained(
     data: bytes, text: str = FILE, sender: End | None = End.HOST, peers: tuple[Protocol, ...] = ()
 ) -> Stretch:
-    """The one stretch that is no fill."""
+    """The one stretch that is not a fill."""
     stretches = [s for s in explain(loads(text), data, sender, peers).stretches if s.kind != Kind.FILL]
     assert len(stretches) == 1, stretches
     return stretches[0]

@@ -1,4 +1,4 @@
-"""Frames are judged together: a change to the file that fits all of them comes first, and chance is no advice."""
+"""Frames are judged together: a change to the file that fits all of them comes first, and chance is not advice."""
 
 from __future__ import annotations
 

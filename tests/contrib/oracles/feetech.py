@@ -49,7 +49,7 @@ class Feetech(Oracle):
         return port.sent
 
     def reads(self, case: Case) -> bool:
-        return not case.message.startswith("sync")  # what is 0x80 or more is no status to the library
+        return not case.message.startswith("sync")  # what is 0x80 or more is not a status to the library
 
     def decode(self, frame: bytes, sender: End) -> Case | None:
         packet, result = protocol_packet_handler(ServoPort(frame), _LITTLE_ENDIAN).rxPacket()

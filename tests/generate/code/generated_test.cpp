@@ -146,7 +146,7 @@ TEST_CASE("a message as it is constructed can be sent") {
   CHECK(status_of(native::Log{}) == Status::ok);
   CHECK(status_of(enterprize::SentryGimbalMsg{}) == Status::ok);
   const log_protocol::Everything fresh;
-  CHECK(fresh.mode == log_protocol::Everything::Mode::reverse);  // 0 is no name: the first one
+  CHECK(fresh.mode == log_protocol::Everything::Mode::reverse);  // 0 is not a name: the first one
   CHECK(fresh.steps == std::array<std::uint16_t, 3>{5, 5, 5});   // 0 is out of range: the nearest value
   CHECK(fresh.note.view() == "h\xC3\xA9");
   CHECK(fresh.tag == std::array<char, 4>{'a', '\'', 'b', '\0'});

@@ -108,7 +108,7 @@ def test_members_lie_where_a_c_compiler_puts_them(tmp_path: Path) -> None:
 
 
 def _places(fields: tuple[Field, ...], at: int) -> tuple[list[tuple[int, int]], int]:
-    """Offset and size of each member that is no struct, in wire order; and the offset behind the last."""
+    """Offset and size of each member that is not a struct, in wire order; and the offset behind the last."""
     found = []
     for field in fields:
         if field.kind == FieldKind.STRUCT:

@@ -71,10 +71,10 @@ def test_a_first_file_has_what_people_need() -> None:
     ("has", "sentence"),
     [
         ("wheels", "a robot's parts are base, joints, imu, battery, and not `wheels`"),
-        ("joints=0", "`joints=0` is no number of joints; write `joints=12`, with 1 to 32"),
-        ("joints=33", "`joints=33` is no number of joints"),
-        ("joints=", "`joints=` is no number of joints"),
-        ("base=2", "`base=2` is no number of joints"),
+        ("joints=0", "`joints=0` is not a number of joints; write `joints=12`, with 1 to 32"),
+        ("joints=33", "`joints=33` is not a number of joints"),
+        ("joints=", "`joints=` is not a number of joints"),
+        ("base=2", "`base=2` is not a number of joints"),
     ],
 )
 def test_wrong_parts_are_a_sentence(has: str, sentence: str) -> None:

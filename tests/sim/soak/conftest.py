@@ -15,6 +15,6 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(autouse=True)
 def _compiled_once(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """And quickly: it runs three times as long, which is no time."""
+    """And quickly: it runs three times as long, which is not a time."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(cache))
     monkeypatch.setenv("CXXFLAGS", QUICK_CXXFLAGS)

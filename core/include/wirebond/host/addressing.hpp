@@ -25,9 +25,9 @@ inline bool header_value(const FrameFormat& format, const Frame& frame, int plac
 
 /// Decides which intact frames are for others. They count as delivered frames in every account, but reach no handler.
 ///
-/// Where frames name their receiver: those for another address that is no broadcast. Where an MCU answers with its own
-/// address: replies from an address that no request asked. A frame without the address concerns everyone. Independent
-/// of time. One thread at a time.
+/// Where frames name their receiver: those for another address that is not a broadcast. Where an MCU answers with its
+/// own address: replies from an address that no request asked. A frame without the address concerns everyone.
+/// Independent of time. One thread at a time.
 class HostAddressing {
  public:
   /// Rules from the protocol. Places are indexes in the format's list of header fields; -1: none.

@@ -634,7 +634,7 @@ class Link : private SendPause<Protocol::pause_us>,
     return OwnCount::is_sure() && frame.message >= 0;
   }
 
-  /// Check whether the frame being delivered may be an own one: then it is no sign of the other end.
+  /// Check whether the frame being delivered may be an own one: then it is not a sign of the other end.
   bool is_likely_own() const { return OwnCount::is_likely(); }
 
   std::uint32_t unlisted_frames() const {

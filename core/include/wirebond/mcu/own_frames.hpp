@@ -108,7 +108,7 @@ class OwnCount {
   /// Check whether a frame that equals an own one is certainly an own one.
   bool is_sure() const { return is_sure_; }
   /// Check whether the newest frame is probably an own one. It reaches its handler, because the other end may send the
-  /// same bytes, but it is no sign of the other end.
+  /// same bytes, but it is not a sign of the other end.
   bool is_likely() const { return in_row_ >= (is_sure_ ? 1 : when_likely); }
 
   std::uint32_t frames() const { return frames_; }

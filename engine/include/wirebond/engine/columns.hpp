@@ -17,7 +17,7 @@
 
 namespace wirebond::engine {
 
-/// One column: a field that is no structure, of the message or of one element of a group.
+/// One column: a field that is not a structure, of the message or of one element of a group.
 struct Column {
   std::string name;  ///< dotted: `position.x`, `joints[3].position`
   const FieldTable* field;
@@ -27,7 +27,7 @@ struct Column {
   std::vector<const std::uint8_t*> places{};  ///< place in each row, if it moves; null: the row lacks it
   std::vector<double> numbers{};              ///< of a number in characters: its values; NaN: the row has none
 
-  /// Check whether its values are no numbers: a string, or a list of varying size.
+  /// Check whether its values are not numbers: a string, or a list of varying size.
   bool holds_values() const { return field->is_string() || field->repeat == Repeat::listed; }
 };
 
@@ -67,7 +67,7 @@ void skip_columns(const std::vector<FieldTable>& fields, std::vector<Column>& co
   }
 }
 
-/// Read one row: its values that are no numbers, and the places of those that move. `next` counts the columns.
+/// Read one row: its values that are not numbers, and the places of those that move. `next` counts the columns.
 template <class Keep>
 void read_row(const std::vector<FieldTable>& fields, std::size_t place, Walk& walk, std::vector<Column>& columns,
               std::size_t& next, Keep& keep) {

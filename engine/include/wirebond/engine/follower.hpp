@@ -31,7 +31,7 @@ class Follower {
 
   /// Return the frames that these bytes completed. Offsets count from the first byte of all; rows have sizes.
   Capture feed(const std::uint8_t* bytes, const Reads& reads);
-  /// Note that a read that began at `t` found nothing. Throws std::invalid_argument if `t` is no time.
+  /// Note that a read that began at `t` found nothing. Throws std::invalid_argument if `t` is not a time.
   Capture idle(double t);
   /// Return the rows of no bytes.
   Capture empty() const;

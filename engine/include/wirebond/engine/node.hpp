@@ -99,7 +99,7 @@ class Node {
   List& list() { return get_own<List>("list"); }
   Map& map() { return get_own<Map>("map"); }
 
-  /// Return the value of this key. Throws std::logic_error if there is none, or this is no map.
+  /// Return the value of this key. Throws std::logic_error if there is none, or this is not a map.
   const Node& operator[](const char* key) const;
   /// Return an element of a list. Throws std::out_of_range if there is none.
   template <class Place, std::enable_if_t<std::is_integral_v<Place>, int> = 0>

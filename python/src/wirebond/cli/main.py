@@ -1,7 +1,7 @@
 """The ``wirebond`` command as a whole: its groups of commands, its exit codes, and turning errors into sentences.
 
 Exit codes: 0 done; 1 the input is wrong (protocol file, value, bytes without a frame); 2 wrong usage; 3 the port cannot
-be opened or was lost; 130 ended by Ctrl-C where that is no normal end.
+be opened or was lost; 130 ended by Ctrl-C where that is not a normal end.
 """
 
 from __future__ import annotations

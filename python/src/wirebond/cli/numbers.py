@@ -16,7 +16,7 @@ def whole(text: str) -> int:
     :raises typer.BadParameter: it is something else.
     """
     if not _WHOLE.fullmatch(text):
-        raise typer.BadParameter(f"'{text}' is no whole number; write digits alone, such as 115200")
+        raise typer.BadParameter(f"'{text}' is not a whole number; write digits alone, such as 115200")
     return int(text)
 
 
@@ -26,5 +26,5 @@ def amount(text: str) -> float:
     :raises typer.BadParameter: it is something else.
     """
     if not _DECIMAL.fullmatch(text):
-        raise typer.BadParameter(f"'{text}' is no number from 0 on; write it as 20, 0.5 or 1e3")
+        raise typer.BadParameter(f"'{text}' is not a number from 0 on; write it as 20, 0.5 or 1e3")
     return float(text)

@@ -14,7 +14,7 @@ from rich.segment import Segment
 from wirebond.visible import visible
 
 
-class ReaderGone(Exception):  # noqa: N818 it is no error: `head` has seen enough
+class ReaderGone(Exception):  # noqa: N818 it is not an error: `head` has seen enough
     """The reader of stdout has gone. What has an account gives it, and the command ends with exit code 0."""
 
 

@@ -86,5 +86,5 @@ def bytes_of(text: str) -> bytes:
     """
     digits = _SEPARATORS.sub("", text)
     if not _HEX.fullmatch(digits):
-        raise RefusedError(422, "no_bytes", "these are no bytes; give pairs of hexadecimal digits, as `AA 55 01`")
+        raise RefusedError(422, "no_bytes", "these are not bytes; give pairs of hexadecimal digits, as `AA 55 01`")
     return bytes.fromhex(digits)

@@ -59,5 +59,5 @@ def _time(text: str | None, otherwise: float) -> float:
     except ValueError:
         value = math.nan
     if math.isnan(value):
-        raise RefusedError(422, "no_time", f"{text!r:.40} is no time; give seconds, as the views have them")
+        raise RefusedError(422, "no_time", f"{text!r:.40} is not a time; give seconds, as the views have them")
     return value

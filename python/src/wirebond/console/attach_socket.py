@@ -16,7 +16,7 @@ from wirebond.link.attached import words
 from wirebond.server.strangers import LOOKS, WITHIN
 
 _READ_BYTES = 1 << 18
-NO_OBJECT = "the first message is no JSON object; see docs/console-api.md"
+NO_OBJECT = "the first message is not a JSON object; see docs/console-api.md"
 REFUSED, RESTARTED = 1008, 1012  # close codes of RFC 6455: policy; the link was replaced, so attach again
 
 

@@ -30,7 +30,7 @@ class Guard:
         """Return why a request with these headers is refused; None if it is not.
 
         A page of another place may reach this port by a name of its own (DNS rebinding), or by a script. The first has
-        a Host that is no address of this computer, the second an Origin that is not Host.
+        a Host that is not an address of this computer, the second an Origin that is not Host.
         """
         name, port = _split(host)
         if port != self.port or not self._is_here(name):

@@ -9,7 +9,7 @@ import jinja2
 
 def environment(folder: Path) -> jinja2.Environment:
     """Return the templates of a folder. What a template names must be given; its own tags leave no lines."""
-    return jinja2.Environment(  # noqa: S701 what is written is no markup
+    return jinja2.Environment(  # noqa: S701 what is written is not markup
         loader=jinja2.FileSystemLoader(folder),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

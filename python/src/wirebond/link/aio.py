@@ -219,7 +219,7 @@ class Aio:
 
         :param message: a message's name or its class; none: every message.
         :returns: the decorator; it gives the function back.
-        :raises UsageError: there is no such message, or the function is no coroutine function.
+        :raises UsageError: there is no such message, or the function is not a coroutine function.
         """
 
         def add(function: Callable[[Any], Awaitable[object]]) -> Callable[[Any], Awaitable[object]]:
@@ -235,7 +235,8 @@ class Aio:
 
         :param level: the least one.
         :returns: the decorator; it gives the function back.
-        :raises UsageError: there is no such level, or there are no log lines, or the function is no coroutine function.
+        :raises UsageError: there is no such level, or there are no log lines, or the function is not a coroutine
+            function.
         """
         self._link._check_log(level)
 
@@ -251,7 +252,7 @@ class Aio:
 
         :param action: the deadline's ``then``; none: every deadline of the host.
         :returns: the decorator; it gives the function back.
-        :raises UsageError: there is no such deadline, or the function is no coroutine function.
+        :raises UsageError: there is no such deadline, or the function is not a coroutine function.
         """
 
         def add(function: _DeadlineHandler) -> _DeadlineHandler:
@@ -264,7 +265,9 @@ class Aio:
 
     def _serve(self, function: Callable[[Any], Awaitable[object]]) -> None:
         if not asyncio.iscoroutinefunction(function):
-            raise UsageError(f"{shown(function)} is no coroutine function; register it with link.on, or make it async")
+            raise UsageError(
+                f"{shown(function)} is not a coroutine function; register it with link.on, or make it async"
+            )
         if self._task is None:
             self._task = self._loop.create_task(self._await_calls())
 

@@ -33,7 +33,7 @@ class CommonPort:
 
     :param port: a tty, a USB device or a serial server, by a name that `wirebond.open` takes.
     :param baud: bits per second; default: that of the file whose link is opened first.
-    :raises UsageError: that is no port which links can have in common; or ``baud`` is out of its range.
+    :raises UsageError: that is not a port which links can have in common; or ``baud`` is out of its range.
     """
 
     def __init__(self, port: str | os.PathLike[str], baud: int | None = None) -> None:

@@ -352,7 +352,7 @@ class Link(Receiving):
     def line(self) -> Line | None:
         """The settings that the driver of the serial port used when it was opened last: the real baud rate, the shape
         of a byte, exclusive use, low latency, the latency timer of an FTDI adapter. None: the port was never open, or
-        is no serial port. Any thread."""
+        is not a serial port. Any thread."""
         raw = self._engine.line()
         return None if raw is None else line_from(raw)
 
@@ -566,10 +566,10 @@ def open_link(
         not given to the program. False: they are given all the same, for programs that only show or record.
     :param adapter_latency: seconds that the port may hold received bytes back, 0 to 1; they are added to ``idle``.
         Default: the file's ``adapter_latency``; without one 16 ms for a USB device and for TCP, the time of 16
-        bytes for other ttys, and 0 for what is no device, such as a pty.
+        bytes for other ttys, and 0 for what is not a device, such as a pty.
     :param listen: ``"own"``: frames for other addresses, and replies from an address that was not asked, are counted as
         foreign and not given to the program. ``"all"``: they are given, for programs that only show or record.
-    :param wait_for_port: a port that cannot be opened at first is no error: the link is ``down``, says ``why``, and
+    :param wait_for_port: a port that cannot be opened at first is not an error: the link is ``down``, says ``why``, and
         looks for it, as it does for one that goes away later.
     :param role: ``"mcu"``: play the MCU against a host: send its messages, hear the host's, keep its deadlines.
     :param hello: where the file maps ``hello``, say it each time that the port is opened, so that ``link.peer`` tells

@@ -183,7 +183,7 @@ def listen(
     :param mcu_port: the port that hears what the MCU sends.
     :param port: in place of these two, the one that hears both.
     :param baud: bits per second; default: the file's.
-    :param wait_for_port: a port that cannot be opened at first is no error.
+    :param wait_for_port: a port that cannot be opened at first is not an error.
     :returns: a listener; close it, or use it in a ``with`` block.
     :raises UsageError: neither two ports are given, nor one.
     :raises ProtocolFileError: the file cannot be used.

@@ -30,7 +30,7 @@ _log = logging.getLogger("wirebond.port")  # which commands print
 class OwnPort:
     """See `Owner`.
 
-    :param waits: a port that cannot be opened is no error.
+    :param waits: a port that cannot be opened is not an error.
     :raises PortError: the port cannot be opened.
     :raises UsageError: the port has a name that cannot be.
     """

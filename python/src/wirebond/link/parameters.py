@@ -333,7 +333,7 @@ def _read_file(path: Path) -> dict[str, Any]:
     with path.open("rb") as file:
         data = file.read(_MOST_BYTES + 1)
     if len(data) > _MOST_BYTES:
-        raise ParameterError(f"{path} has more than {_MOST_BYTES} bytes; it is no file of parameters")
+        raise ParameterError(f"{path} has more than {_MOST_BYTES} bytes; it is not a file of parameters")
     try:
         text = data.decode("utf-8-sig")
         found = (

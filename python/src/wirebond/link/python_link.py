@@ -27,7 +27,7 @@ _FIRST_OPEN_WAIT = 0.02
 _LAST_OPEN_WAIT = 1.0
 _LAST_WATCHED_WAIT = 0.2  # checking a file costs little, if its appearance should be missed
 _LEAST_OPEN_WAIT = 0.005  # however much appears
-_SETTLED_AFTER = 1.0  # a port that lasted so long is no port that fails at once
+_SETTLED_AFTER = 1.0  # a port that lasted so long is not a port that fails at once
 _DRAIN_ON_CLOSE = 1.0
 _LONGEST_SLEEP = 0.5
 _LOOK = 0.02  # seconds between two checks for a port that is away
@@ -42,7 +42,7 @@ class PythonLink:
     can be taken again by its owner, and no one waits for a thread while holding it.
 
     :param opener: opens the port; here first, before this returns.
-    :param waits: a port that cannot be opened is no error.
+    :param waits: a port that cannot be opened is not an error.
     :param clock: microseconds; a replay has one of its own.
     :param waits_for_reader: nothing more is read while messages wait to be taken: for a replay as fast as possible.
     :raises PortError: it cannot be opened.

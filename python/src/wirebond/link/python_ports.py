@@ -337,7 +337,7 @@ class PythonOpener:
         text = str(error)
         if "seem to support RFC2217" in text:
             return (
-                f"{name} is no RFC 2217 server: it does not negotiate; if it gives the line as raw bytes, name it "
+                f"{name} is not an RFC 2217 server: it does not negotiate; if it gives the line as raw bytes, name it "
                 f"tcp://{self._name.address}"
             )
         if isinstance(error, ValueError):

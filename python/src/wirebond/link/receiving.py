@@ -88,7 +88,7 @@ class Receiving:
         :param timeout: seconds; 0 does not wait.
         :returns: the messages in the order in which they came; none when the time is over.
         :raises LinkDownError: the link is closed, and all that had come was taken.
-        :raises UsageError: ``timeout`` is no number.
+        :raises UsageError: ``timeout`` is not a number.
         """
         timeout = real("timeout", timeout, "seconds, such as 0.5; for no limit write `for message in link`")
         wait = timeout if 0 <= timeout < _NO_LIMIT else 0.0 if not timeout > 0 else _NO_LIMIT
@@ -233,10 +233,10 @@ class Receiving:
         for it alone goes to a loop or to ``receive``, perhaps after newer ones. Any thread.
 
         :param function: what ``on``, ``on_log``, ``on_deadline`` or ``aio.on`` got.
-        :raises UsageError: it is no handler of this link.
+        :raises UsageError: it is not a handler of this link.
         """
         if not self._inbox.handlers.remove(function):
-            raise UsageError(f"{shown(function)} is no handler of this link")
+            raise UsageError(f"{shown(function)} is not a handler of this link")
 
     def run(self, timeout: float | None = None) -> bool:
         """Wait while handlers work, until the link is closed. A program with nothing but handlers calls it last.
@@ -245,7 +245,7 @@ class Receiving:
 
         :param timeout: seconds; None: no limit.
         :returns: True: the link was closed, and handlers have had what came. False: the time is over.
-        :raises UsageError: it is called in a handler, which would wait for itself; or ``timeout`` is no number.
+        :raises UsageError: it is called in a handler, which would wait for itself; or ``timeout`` is not a number.
         """
         if self._inbox.handlers.is_own_thread():
             raise UsageError(
@@ -535,7 +535,7 @@ def _no_action(codec: Codec, end: End, wanted: object, actions: list[str], nothi
         return f"{name} has no deadline at the {end}, so that there is nothing {nothing}; see `deadlines` in its file"
     listing = f"it has {', '.join(actions)}"
     if not isinstance(wanted, str):
-        return f"{shown(wanted)} is no action of a deadline; {listing}"
+        return f"{shown(wanted)} is not an action of a deadline; {listing}"
     own = [d.then for d in codec.model.deadlines if d.at == end and d.message == wanted]
     near = own[0] if own else nearest(wanted, actions)
     hint = f"did you mean {near}? " if near else ""

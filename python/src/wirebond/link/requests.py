@@ -28,7 +28,7 @@ MAX_TIMEOUT = 3600.0  # seconds: a longer wait is a mistake
 _OWN_SEND = 1.0  # seconds that the reply to a message of plain `send` may take
 _LATE = 10.0  # seconds after which no reply to an old request is expected any more
 _MOST = 1024  # questions of one reply that are remembered
-_SLACK = 0.05  # seconds: a message that was read longer than this before its request left is no reply to it
+_SLACK = 0.05  # seconds: a message that was read longer than this before its request left is not a reply to it
 
 Outcome = Message | Exception
 

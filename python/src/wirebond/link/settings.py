@@ -45,7 +45,7 @@ def open_engine(
     """Return the link below a `Link`, with its port open.
 
     :param common: of ``port``, which other links open as well.
-    :raises PortError: it cannot be opened; with ``waits`` that is no error.
+    :raises PortError: it cannot be opened; with ``waits`` that is not an error.
     :raises UsageError: silence ends the frames, and the port is common to several links.
     """
     protocol, receive = codec.tables.protocol, codec.tables.format_for(other(end))

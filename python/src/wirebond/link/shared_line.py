@@ -160,7 +160,7 @@ class SharedLine:
         if told is None and of_mcu.name == self._asked is not None:
             told = Sender.MCU
         if told is None and of_host.name in self._replies:
-            told = Sender.HOST  # nothing was asked, so that this is no reply
+            told = Sender.HOST  # nothing was asked, so that this is not a reply
         return told or Sender.EITHER
 
     def _by_address(self, message: Message) -> Sender | None:

@@ -111,7 +111,7 @@ def _text_of(path: Path) -> str:
     """Return the text of the file. Never waits: a server must start, whatever is at that path.
 
     :raises OSError: it is not there, or cannot be read.
-    :raises ValueError: it is no file that ``write`` made.
+    :raises ValueError: it is not a file that ``write`` made.
     """
     descriptor = os.open(path, os.O_RDONLY | NOT_A_LINK | WITHOUT_WAITING)
     with os.fdopen(descriptor, "rb") as file:

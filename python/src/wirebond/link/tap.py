@@ -124,8 +124,8 @@ class Tap:
         return Taken([self._piece(*piece) for piece in pieces], *lost)
 
     def take_raw(self) -> RawTaken:
-        """Return the same for a caller that takes thousands per second; ``event`` converts the pieces that are no bytes
-        to events."""
+        """Return the same for a caller that takes thousands per second; ``event`` converts the pieces that are not
+        bytes to events."""
         return RawTaken(*self._engine.take_tap(self._number))
 
     def event(self, piece: RawPiece) -> LinkEvent:

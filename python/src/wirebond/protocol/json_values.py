@@ -11,7 +11,7 @@ from wirebond.protocol.model import Field
 def from_json_values(fields: tuple[Field, ...], values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values as ``encode`` takes them.
 
-    :raises ValueError: bytes are no hexadecimal digits.
+    :raises ValueError: bytes are not hexadecimal digits.
     """
     known = {field.name: field for field in fields}
     return {name: _value(known.get(name), value) for name, value in values.items()}

@@ -33,7 +33,7 @@ class LogLine:
 
 
 def log_line(protocol: Protocol, message: Message, values: Mapping[str, Any]) -> LogLine | None:
-    """Return the line that ``message`` with these values says; None where it is no log line.
+    """Return the line that ``message`` with these values says; None where it is not a log line.
 
     Its text is the file's (``log:``), or came with the message (the log service).
     """

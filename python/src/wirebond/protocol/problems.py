@@ -79,7 +79,7 @@ def no_message(protocol: str, wanted: object, messages: Iterable[str]) -> str:
     are."""
     names = list(messages)
     if not isinstance(wanted, str):
-        return f"{shown(wanted)} is no message's name; {protocol} has {', '.join(names)}"
+        return f"{shown(wanted)} is not a message's name; {protocol} has {', '.join(names)}"
     near = nearest(wanted, names)
     hint = f"did you mean {near}? " if near else ""
     return f"{protocol} has no message {shown(wanted)}; {hint}it has {', '.join(names)}"

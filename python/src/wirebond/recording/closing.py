@@ -37,7 +37,7 @@ SPAN_NS = 10**9  # of one chunk: so much is lost where a bit of it flips
 def close_recording(path: Path, *, progress: Progress | None = None) -> None:
     """Rewrite a finished or unfinished recording. The file's metadata say what was cut off or damaged.
 
-    :raises WirebondError: it is no recording; it is being recorded.
+    :raises WirebondError: it is not a recording; it is being recorded.
     :raises OSError: it cannot be written; the file is as it was.
     """
     with path.open("rb") as file:

@@ -21,7 +21,7 @@ from wirebond.recording.recording import Recording
 from wirebond.recording.whole import whole_file
 
 FORMATS = ("csv", "parquet", "mcap")
-_TIMES = ("t", "stamp.t", "stamp.error")  # columns that are no fields; seconds
+_TIMES = ("t", "stamp.t", "stamp.error")  # columns that are not fields; seconds
 _ROWS = 65536  # written at a time
 Progress = Callable[[int, int], object]
 
@@ -49,7 +49,7 @@ def export(
     :raises OSError: a file cannot be written; those that were written before are whole.
     """
     if to not in FORMATS:
-        raise UsageError(f"{to!r} is no format of `export`; expected {', '.join(FORMATS)}, or ros2")
+        raise UsageError(f"{to!r} is not a format of `export`; expected {', '.join(FORMATS)}, or ros2")
     names = [m.name for m in recording.codec.model.messages]
     if message is not None and message not in (*names, "unknown"):
         raise UsageError(no_message(recording.codec.name, message, names))

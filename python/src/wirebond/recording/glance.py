@@ -34,7 +34,7 @@ class Glance:
 def glance(path: Path) -> Glance:
     """Read a recording's ends. Chunks are not unpacked. A file without chunks is read to its end.
 
-    :raises WirebondError: it is no recording.
+    :raises WirebondError: it is not a recording.
     :raises OSError: it cannot be read.
     """
     source = Source(path)
@@ -49,7 +49,7 @@ def glance(path: Path) -> Glance:
     contents = scan.contents
     about = contents.metadata.get(layout.METADATA)
     if about is None:
-        raise WirebondError(f"{path} is no recording; name a file that `wirebond record` has written")
+        raise WirebondError(f"{path} is not a recording; name a file that `wirebond record` has written")
     text = about.get("started_ns", "")
     started = int(text) if text.isdecimal() and len(text) < 20 else first
     return Glance(

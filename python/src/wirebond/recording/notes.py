@@ -66,7 +66,7 @@ def annotate(path: Path, text: str) -> None:
     again; no message is touched.
 
     :raises UsageError: the text is empty or too long.
-    :raises WirebondError: the file is not closed, is being recorded, or is no recording.
+    :raises WirebondError: the file is not closed, is being recorded, or is not a recording.
     :raises OSError: it cannot be written; it is as it was.
     """
     if not text.strip() or len(text) > MOST_CHARACTERS:

@@ -87,7 +87,7 @@ class PieceFile:
     :ivar last: seconds since the start of the last read or write.
     :ivar sizes: bytes of each direction.
     :ivar events: all of them.
-    :raises WirebondError: it is no MCAP file.
+    :raises WirebondError: it is not an MCAP file.
     :raises OSError: it cannot be read.
     """
 

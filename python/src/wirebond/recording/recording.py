@@ -67,7 +67,7 @@ class Recording:
     :ivar codec: the protocol.
     :ivar is_finished: False: it was not closed, or was cut short.
     :ivar problems: what is lost, as sentences; empty where nothing is.
-    :raises WirebondError: it is no recording, or its protocol file is missing.
+    :raises WirebondError: it is not a recording, or its protocol file is missing.
     :raises ProtocolFileError: the protocol file cannot be used.
     :raises OSError: it cannot be read.
     """
@@ -410,7 +410,7 @@ def open_recording(path: str | os.PathLike[str], protocol: str | os.PathLike[str
     :param path: of the file.
     :param protocol: a corrected protocol file, or a codec, to decode with; None: the recording's own. A raw capture
         needs it.
-    :raises WirebondError: it is no recording, or its protocol file is missing or cannot be used.
+    :raises WirebondError: it is not a recording, or its protocol file is missing or cannot be used.
     :raises OSError: it cannot be read.
     """
     return Recording(path, protocol)

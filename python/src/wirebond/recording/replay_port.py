@@ -131,7 +131,7 @@ class ReplayOpener:
 
     :param role: the end that the link plays.
     :param codec: the link's. A raw capture is decoded with it.
-    :raises PortError: the file is no recording.
+    :raises PortError: the file is not a recording.
     """
 
     def __init__(self, text: str, path: Path, section: Section, role: str, codec: Codec) -> None:
@@ -177,7 +177,7 @@ def open_replay(port: PortName, role: str, codec: Codec) -> ReplayOpener:
 
     :param role: the end that the link plays.
     :param codec: the link's.
-    :raises PortError: the file is no recording.
+    :raises PortError: the file is not a recording.
     """
     section = Section(port.speed, port.start, port.stop, port.loop)
     return ReplayOpener(port.text, Path(port.recording), section, role, codec)

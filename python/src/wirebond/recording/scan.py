@@ -111,7 +111,7 @@ class Scan:
     """One pass over a file: ``runs`` gives the messages in the order of the file and fills ``contents`` on the way. It
     has some MiB of the file in memory at a time.
 
-    :raises WirebondError: it is no MCAP file.
+    :raises WirebondError: it is not an MCAP file.
     :raises OSError: it cannot be read.
     """
 
@@ -124,7 +124,7 @@ class Scan:
         self._chunks = 0  # that were seen, damaged ones too
         if source.read(0, len(MAGIC)) != MAGIC:
             if not self._search.leads_on(len(MAGIC)):
-                what = "is no MCAP file, and a recording is one" if self.size else "is empty"
+                what = "is not an MCAP file, and a recording is one" if self.size else "is empty"
                 raise WirebondError(
                     f"{source.path} {what}; name a file that `wirebond record` has written, or say of which protocol a "
                     "raw capture is: `--protocol FILE`, or in Python protocol='FILE'"

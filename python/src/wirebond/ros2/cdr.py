@@ -36,7 +36,7 @@ def encode(type_: RosType, values: Mapping[str, Any]) -> bytes:
 def decode(type_: RosType, data: bytes) -> dict[str, Any]:
     """Return the message in these bytes.
 
-    :raises ValueError: they are no message of this type.
+    :raises ValueError: they are not a message of this type.
     """
     if len(data) < 4 or data[0] != 0 or data[1] not in (0, 1):
         raise ValueError("the bytes are not plain CDR")

@@ -67,7 +67,7 @@ LOOPBACK = """<CycloneDDS><Domain><General><Interfaces><NetworkInterface address
 def domain_of_environment() -> int:
     """Return the number in ROS_DOMAIN_ID, or 0.
 
-    :raises UsageError: it is no number of a domain.
+    :raises UsageError: it is not a number of a domain.
     """
     text = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
     if not text.isdecimal() or int(text) > 232:

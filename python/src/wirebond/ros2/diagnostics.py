@@ -89,7 +89,7 @@ class Diagnostics:
     def _of_serial(self, serial: SerialTopics) -> dict[str, Any]:
         new = self._new("serial", serial.unknown_frames + sum(serial.undecodable.values()))
         name = self._link.codec.name
-        text = f"in the last second bytes came that are no frame of {name}" if new else "all bytes are frames"
+        text = f"in the last second bytes came that are not a frame of {name}" if new else "all bytes are frames"
         facts = {"frames": serial.frames, "frames with an unknown id": serial.unknown_frames}
         facts |= {f"bytes: {cause.replace('_', ' ')}": count for cause, count in serial.undecodable.items()}
         return self._status("serial_tx_data", WARN if new else OK, text, facts)

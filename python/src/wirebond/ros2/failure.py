@@ -19,7 +19,7 @@ class Failure:
     """
 
     def __init__(self, is_over: Callable[[], bool] = lambda: False) -> None:
-        """``is_over``: has ROS ended? Then any call of it may raise, and that is no fault."""
+        """``is_over``: has ROS ended? Then any call of it may raise, and that is not a fault."""
         self.why = ""
         self._is_over = is_over
         self._lock = threading.Lock()

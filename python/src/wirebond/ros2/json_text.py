@@ -23,7 +23,7 @@ def to_json(message: Message) -> str:
 def from_json(text: str, message: MessageModel) -> tuple[dict[str, Any], dict[str, Any] | None]:
     """Return the values of this message, and those of its frame.
 
-    :raises ValueError: it is no JSON object, or bytes are no hexadecimal digits.
+    :raises ValueError: it is not a JSON object, or bytes are not hexadecimal digits.
     """
     try:
         values = json.loads(text)
@@ -34,5 +34,5 @@ def from_json(text: str, message: MessageModel) -> tuple[dict[str, Any], dict[st
     has_own = any(field.name == "header" for field in message.fields)
     header = None if has_own else values.pop("header", None)
     if header is not None and not isinstance(header, dict):
-        raise ValueError("`header` is no JSON object")
+        raise ValueError("`header` is not a JSON object")
     return from_json_values(message.fields, values), header

@@ -85,7 +85,7 @@ Answer = Callable[[dict[str, Any]], dict[str, Any]]
 class Node(Protocol):
     """A node of ROS 2. Functions that it calls run in one thread of its own; only those of services do not.
 
-    :ivar undecodable: received messages that were no message of their type, by topic.
+    :ivar undecodable: received messages that were not a message of their type, by topic.
     :ivar failure: makes the threads of the node and of its bridge, and knows whether one of them has ended by a fault.
         Then the program that runs the bridge must end, with an error.
     :ivar stalls: whether messages that are taken now may be old.

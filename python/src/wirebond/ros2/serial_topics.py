@@ -26,7 +26,7 @@ class SerialTopics:
 
     :ivar frames: of ``serial_tx_data``.
     :ivar unknown_frames: of them those whose id the file does not know.
-    :ivar undecodable: bytes of ``serial_tx_data`` that are no frame, by cause.
+    :ivar undecodable: bytes of ``serial_tx_data`` that are not a frame, by cause.
     """
 
     def __init__(
@@ -89,5 +89,5 @@ class SerialTopics:
         self.undecodable.update(discarded)
         if lost := sum(discarded.values()):
             self._commands.refuse(
-                "serial_tx_data", f"{lost} of its {len(data)} bytes are no frame of {self._codec.name}"
+                "serial_tx_data", f"{lost} of its {len(data)} bytes are not a frame of {self._codec.name}"
             )

@@ -15,7 +15,7 @@ from wirebond.ros2.types import RosType
 class Subscriber:
     """See ``node.Node.subscribe``. One thread at a time.
 
-    :ivar undecodable: called for each that is no message of the type.
+    :ivar undecodable: called for each that is not a message of the type.
     """
 
     type: RosType

@@ -157,9 +157,9 @@ class Client(asyncio.Protocol):
                 else:
                     self._take(words.read_request(body))
         except (msgspec.MsgspecError, RecursionError) as error:
-            self.refuse("not_understood", f"this is no request that the server knows: {error}; see docs/server.md")
+            self.refuse("not_understood", f"this is not a request that the server knows: {error}; see docs/server.md")
         except (words.WrongStreamError, UnicodeDecodeError) as error:
-            self.refuse("not_understood", f"this is no client of a Wirebond server: it sent {error}")
+            self.refuse("not_understood", f"this is not a client of a Wirebond server: it sent {error}")
 
     def _take(self, request: words.Request) -> None:
         if self.number == 0:

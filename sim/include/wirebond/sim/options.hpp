@@ -19,7 +19,7 @@ inline bool split_option(const char* word, std::string_view& name, std::uint64_t
   return true;
 }
 
-/// Set both directions of a line, which have different faults. Returns false if it is no setting of a wire.
+/// Set both directions of a line, which have different faults. Returns false if it is not a setting of a wire.
 inline bool set_both(WireSettings& one, WireSettings& other, std::string_view name, std::uint64_t value) {
   WireSettings* const wires[] = {&one, &other};
   for (WireSettings* wire : wires) {

@@ -121,7 +121,7 @@ class Line {
     pass_settled();
   }
 
-  /// For an end that is no `Uart`: return all bytes that arrived until `now`, as a tty gives them, including faulty
+  /// For an end that is not an `Uart`: return all bytes that arrived until `now`, as a tty gives them, including faulty
   /// ones.
   std::vector<std::uint8_t> read(Time now) {
     std::vector<std::uint8_t> out;

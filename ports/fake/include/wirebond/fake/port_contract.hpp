@@ -115,7 +115,7 @@ TEST_CASE_TEMPLATE_DEFINE(
   bench.board.run(25'000);
   bench.port.pend();
   bench.board.run(50'000);
-  CHECK(bench.events.log == "r");  // no `e`: an error is no event
+  CHECK(bench.events.log == "r");  // no `e`: an error is not an event
   CHECK(bench.events.framing == 1);
   CHECK(bench.events.overruns == 1);
   CHECK(bench.events.noise + bench.events.parity == 0);

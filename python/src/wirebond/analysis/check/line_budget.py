@@ -118,7 +118,7 @@ def parse_traffic(protocol: Protocol, text: str) -> list[Load]:
             frames = 0.0
         if not equals or not 0 < frames < 1e9:
             raise UsageError(
-                f"--traffic '{entry.strip()}' is no load; write message=frames per second, such as "
+                f"--traffic '{entry.strip()}' is not a load; write message=frames per second, such as "
                 f"{protocol.messages[0].name}=100, or sender:bytes=frames per second, such as mcu:47=100"
             )
         loads += _claimed(protocol, what, frames)

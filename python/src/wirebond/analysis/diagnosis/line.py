@@ -298,7 +298,7 @@ def _unknown(received: list[DumpEntry], bad: int, size: int) -> Diagnosis:
     most = ", ".join(f"{count} {cause}" for cause, count in _causes(received).most_common(3))
     return Diagnosis(
         Kind.UNKNOWN,
-        "Many bytes are no frames, and I do not know why",
+        "Many bytes are not frames, and I do not know why",
         f"{bad} of {size} bytes: {most}",
         "Look at one of them with `wirebond explain`, let `wirebond identify` try other formats and rates, and look at "
         "cable length, ground and shielding.",

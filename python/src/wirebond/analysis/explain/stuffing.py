@@ -149,7 +149,7 @@ def _unhex(frame_format: FrameFormat, block: bytes) -> Unstuffed | Impossible:
     digits = b"0123456789ABCDEFabcdef"
     wrong = next((at for at, byte in enumerate(block) if byte not in digits), None)
     if wrong is not None:
-        return Impossible(wrong, f"{block[wrong]:02X} is no hex digit")
+        return Impossible(wrong, f"{block[wrong]:02X} is not a hex digit")
     alone = min(len(block), _digits_alone(frame_format))
     if (len(block) - alone) % 2:
         return Impossible(len(block), "the second hex digit of the last byte is missing")
@@ -200,7 +200,7 @@ def _undecimal(frame_format: FrameFormat, block: bytes) -> Unstuffed | Impossibl
         return Impossible(begin, "the decimal digits of the check are missing")
     number = int(block[begin:])
     if number >> 8 * size:
-        return Impossible(begin, f"{number} is no check of {8 * size} bits")
+        return Impossible(begin, f"{number} is not a check of {8 * size} bits")
     places = [(at, at + 1) for at in range(begin)] + [(begin, len(block))] * size
     return Unstuffed(block, block[:begin] + number.to_bytes(size, "big"), tuple(places), ())
 

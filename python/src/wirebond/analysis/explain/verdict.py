@@ -55,7 +55,7 @@ class Rule:
 
 @dataclass(frozen=True)
 class Verdict:
-    """``cause`` is the decoder's word where the outcome is no frame. ``extent``: the frame's size; or this many of
+    """``cause`` is the decoder's word where the outcome is not a frame. ``extent``: the frame's size; or this many of
     the candidate's bytes the refusal was about; or this many are needed to go on. ``parts``: those that are there, of a
     format whose frames differ. ``payload`` is its place in the frame, where its size is known."""
 

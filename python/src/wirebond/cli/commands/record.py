@@ -20,7 +20,7 @@ from wirebond.protocol.model import End
 from wirebond.recording.recorder import Recorder
 
 _LOOK = 0.1  # seconds between two checks
-_LINE = 10.0  # seconds between two lines where stderr is no terminal
+_LINE = 10.0  # seconds between two lines where stderr is not a terminal
 
 
 def record_port(

@@ -104,7 +104,7 @@ def replay_to_program(path: Path, protocol: Path | None, section: Section, progr
     """Replay into a firmware, and report whether it sent the recorded bytes."""
     recording = _read(path, protocol)
     if not os.access(program, os.X_OK) or program.is_dir():
-        reason = "is no program that may be run" if program.exists() else "is not there"
+        reason = "is not a program that may be run" if program.exists() else "is not there"
         raise UsageError(f"{program} {reason}; give a firmware that was built for this computer with the lockstep port")
     try:
         with progress_bar(f"replaying into {plain(program.name)}") as progress:

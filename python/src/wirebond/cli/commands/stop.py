@@ -12,8 +12,8 @@ def stop_robot(server: str, release: bool, over: bool) -> int:
     """Exit code 1: the stop still holds, because another program stopped the robot."""
     if not server.startswith(SCHEME):
         raise UsageError(
-            f"{server!r:.80} is no server; give wirebond://NAME. A stop is latched in the server that owns the port; "
-            "for a port without one, send the message itself with `wirebond send`"
+            f"{server!r:.80} is not a server; give wirebond://NAME. A stop is latched in the server that owns the "
+            "port; for a port without one, send the message itself with `wirebond send`"
         )
     if over and not release:
         raise UsageError("--over belongs to --release")

@@ -22,7 +22,7 @@ _KEPT = 4  # results of each kind
 def codec_of(text: str, name: str = EDITED) -> Codec:
     """Return the codec; the same text is read once.
 
-    :raises ProtocolFileError: the text is no protocol file.
+    :raises ProtocolFileError: the text is not a protocol file.
     """
     return Codec(loads(text, name))
 

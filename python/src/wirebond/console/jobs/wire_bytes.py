@@ -60,7 +60,7 @@ def candidates_dict(candidates: Sequence[Candidate], size: int, tried: int) -> d
 def decoded_recording(text: str, path: Path, capture_of: tuple[str, str] | None) -> dict[str, Any]:
     """Decode a recording under its own file and under this one.
 
-    :param capture_of: text and name of the file that a raw capture is decoded with; None: it is no capture.
+    :param capture_of: text and name of the file that a raw capture is decoded with; None: it is not a capture.
     """
     edited, own = codec_of(text), Recording(path, None if capture_of is None else codec_of(*capture_of))
     again = Recording(path, edited)  # which reply is meant depends on the file

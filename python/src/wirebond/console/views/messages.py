@@ -92,7 +92,7 @@ def _newest(newest: Newest) -> dict[str, Any]:
 
 
 def _spark_column(source: Source, end: End, name: str) -> str | None:
-    """Return the first column of a plain number; else the first one that is no time stamp."""
+    """Return the first column of a plain number; else the first one that is not a time stamp."""
     fields = source.codec.model.message(name).fields
     stamps = {f.name for f in fields if f.clock is not None}
     columns = [c for c in source.history.columns(end, name) if c not in stamps]

@@ -205,7 +205,7 @@ def ids_say_the_sender(protocol: Protocol) -> bool:
 def _mistakable(protocol: Protocol, end: End) -> list[Message]:
     """Return messages of ``end`` that its own receiver would mistake for the other end's, if they came back.
 
-    Requests and replies of one message are left out: such a reply may equal its request, and is no echo.
+    Requests and replies of one message are left out: such a reply may equal its request, and is not an echo.
     """
     sent = [m for m in protocol.messages if m.sent_by(end)]
     if not ids_say_the_sender(protocol):

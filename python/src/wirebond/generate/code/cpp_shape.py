@@ -13,8 +13,8 @@ from wirebond.protocol.model.layout import BitMember, Step, layout_of
 
 @dataclass(frozen=True)
 class Member:
-    """A part of a layout and what it is called. ``name`` is empty for padding and for fields that count: they are no
-    members."""
+    """A part of a layout and what it is called. ``name`` is empty for padding and for fields that count, which are
+    not members."""
 
     part: Step | BitMember
     name: str

@@ -26,7 +26,7 @@ _STREAMS = {
 def starter_path(out: Path, uart: str, language: str) -> Path:
     """Return the path of the file: in ``Core/Src`` next to the generated folder, as in CubeMX, or next to that folder.
 
-    :raises UsageError: ``uart`` is no UART's name.
+    :raises UsageError: ``uart`` is not a UART's name.
     """
     folder = out.parent
     sources = folder / "Core" / "Src"
@@ -36,7 +36,7 @@ def starter_path(out: Path, uart: str, language: str) -> Path:
 def starter_text(protocol: Protocol, uart: str, language: str, port: str) -> str:
     """Return the file's text, for the UART that the vendor's headers call ``uart``, by one of ``STARTER_PORTS``.
 
-    :raises UsageError: that is no UART's name.
+    :raises UsageError: that is not a UART's name.
     """
     prefix, handle = _prefix_and_handle(uart)
     values: dict[str, object] = {
@@ -86,7 +86,7 @@ def _wiring(uart: str) -> dict[str, object]:
 
 
 def _own(protocol: Protocol) -> set[str]:
-    """Return the messages that are no service's: those the link serves by itself."""
+    """Return the messages that are not a service's: those the link serves by itself."""
     mapped = {name for service in protocol.services for _, name in service.messages}
     return {message.name for message in protocol.messages} - mapped
 

@@ -142,7 +142,7 @@ def _row(field: Field, at: int | None, level: int, description: str) -> tuple[st
         meaning = f"{stamp}; {description}" if description else stamp
     value = value_of(field)
     if field.constant is not None:
-        meaning = description or "a frame with another value is no frame"
+        meaning = description or "a frame with another value is not a frame"
         value = f"always {constant_text(field, field.constant)}"
     name = "- " * level + field.name
     offset = "" if at is None else str(at)

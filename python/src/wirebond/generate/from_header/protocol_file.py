@@ -54,7 +54,7 @@ class Imported:
 def import_header(path: Path, protocol_name: str) -> Imported:
     """Read a C header; ``protocol_name`` is the new protocol's.
 
-    :raises HeaderFileError: it is no C that can be read, or holds no struct that can be a message.
+    :raises HeaderFileError: it is not C that can be read, or holds no struct that can be a message.
     :raises OSError: the file cannot be read.
     """
     source = preprocess(read_header(path), path)

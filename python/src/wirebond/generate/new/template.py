@@ -41,7 +41,7 @@ def parts_of(text: str) -> dict[str, int]:
         if name not in PARTS:
             raise UsageError(f"a robot's parts are {', '.join(PARTS)}, and not {quoted(name)}; write them with commas")
         if has_number and (name != "joints" or not number.isdecimal() or not 1 <= int(number) <= MOST_JOINTS):
-            raise UsageError(f"{quoted(word)} is no number of joints; write `joints=12`, with 1 to {MOST_JOINTS}")
+            raise UsageError(f"{quoted(word)} is not a number of joints; write `joints=12`, with 1 to {MOST_JOINTS}")
         found[name] = int(number) if has_number else _JOINTS if name == "joints" else 1
     return found
 

@@ -46,7 +46,7 @@ _DISK_PATIENCE = 30.0  # the same, where it waits for its disk
 _FIRST_WAIT, _LAST_WAIT = 0.02, 1.0  # seconds before it is tried again to connect
 _MOST_WAITING = 65536  # messages that the program has not taken; then the oldest are dropped, counted
 _DOWN, _FULL, _STOPPED = 1, 2, 3  # answers of the engine
-# What bytes raise that are no message of a server.
+# What bytes raise that are not a message of a server.
 _NOT_OF_A_SERVER = (msgspec.MsgspecError, ValueError, KeyError, TypeError, AttributeError, RecursionError)
 _REFUSALS = {"down": _DOWN, "full": _FULL, "stopped": _STOPPED}
 

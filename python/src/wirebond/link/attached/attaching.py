@@ -140,7 +140,7 @@ def _no_server(address: ServerAddress, error: Exception) -> PortError:
     elif isinstance(error, OSError):
         what = f"cannot attach to {text}: {error.strerror or error}; check its address"
     else:
-        what = f"{text} is no Wirebond server: it sent {error}; check the address"
+        what = f"{text} is not a Wirebond server: it sent {error}; check the address"
     return PortError(what, code, text)
 
 

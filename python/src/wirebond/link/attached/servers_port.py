@@ -22,7 +22,7 @@ from wirebond.protocol.model import End
 class ServersPort:
     """See `Owner`.
 
-    :param waits: a server that is not there yet is no error.
+    :param waits: a server that is not there yet is not an error.
     :raises PortError: there is no server.
     """
 

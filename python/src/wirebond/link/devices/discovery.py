@@ -70,7 +70,7 @@ class _Links:
 
 
 def link_target(root: Path, link: str) -> str | None:
-    """Return the absolute target of the symbolic link at this absolute path, or None if it is no link."""
+    """Return the absolute target of the symbolic link at this absolute path, or None if it is not a link."""
     try:
         target = os.readlink(sysfs.below(root, link))  # noqa: PTH115 its text is wanted: it may be absolute
     except OSError:

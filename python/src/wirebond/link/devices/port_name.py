@@ -84,7 +84,7 @@ def port_name(port: str | os.PathLike[str]) -> PortName:
         )
     if scheme.lower() not in _SERVERS:
         raise UsageError(
-            f"{text} is no port that can be opened; give a tty such as /dev/ttyUSB0, a USB device such as "
+            f"{text} is not a port that can be opened; give a tty such as /dev/ttyUSB0, a USB device such as "
             "usb:1a86:55d3, tcp://host:port or rfc2217://host:port"
         )
     return _server(text, scheme.lower())
@@ -105,8 +105,9 @@ _COM = re.compile(r"com[0-9]+:?", re.IGNORECASE)
 _FOREIGN = {
     _COM: "is a port of Windows, and this is another system; on Linux a USB adapter is /dev/ttyUSB0 or /dev/ttyACM0, "
     "and `wirebond ports` lists them; on macOS it is /dev/cu.usbserial-… or /dev/cu.usbmodem…",
-    re.compile(r"sim(ulat(or|ion))?", re.IGNORECASE): "is no port; `sim:`, with a colon, is a simulated device at the "
-    "other end",
+    re.compile(
+        r"sim(ulat(or|ion))?", re.IGNORECASE
+    ): "is not a port; `sim:`, with a colon, is a simulated device at the other end",
     re.compile(r"(v|vx|sl)?can[0-9]+", re.IGNORECASE): "is an interface of CAN, and Wirebond needs a serial port, such "
     "as /dev/ttyUSB0; `wirebond ports` lists them",
 }
@@ -137,7 +138,7 @@ def _replay(text: str) -> PortName:
         try:
             values[name] = replay_number(name, value)
         except ValueError:
-            raise UsageError(f"{text} has {name}={value}, which is no number; such as {_SECTION}") from None
+            raise UsageError(f"{text} has {name}={value}, which is not a number; such as {_SECTION}") from None
     return PortName(
         text,
         recording=path,

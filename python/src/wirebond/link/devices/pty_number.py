@@ -69,7 +69,7 @@ def sentence(path: str) -> str:
 
 
 def _look(path: str) -> _Seen | None:
-    """Read the pty's number; None: the path is no pty, or the numbers of ptys are not known, as on macOS."""
+    """Read the pty's number; None: the path is not a pty, or the numbers of ptys are not known, as on macOS."""
     if sys.platform != "linux":
         return None
     try:

@@ -30,7 +30,7 @@ class SerialPort:
     """One serial port of this machine.
 
     ``path`` is its device now; when it is plugged in again, it may get another one. ``by_id`` and ``by_path`` are
-    udev's links to it, where there are any. ``usb`` is None if it is no USB device. ``has_device`` is False if the
+    udev's links to it, where there are any. ``usb`` is None if it is not a USB device. ``has_device`` is False if the
     kernel knows the port, but there is no file ``path``, as in a container that was not given it. ``latency_timer_ms``:
     how long an FTDI adapter holds received bytes back; None for other ports.
     """

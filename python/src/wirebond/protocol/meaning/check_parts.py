@@ -134,7 +134,7 @@ def with_decimal_check(parts: list[Part], nodes: list[Mapping], envelope: Envelo
         wrong(
             place,
             "a check in decimal digits is as long as its number, so that its frame is not stuffed and ends with a "
-            "delimiter that is no digit; write `- delimiter: 0x0A` last, or `text: hex`",
+            "delimiter that is not a digit; write `- delimiter: 0x0A` last, or `text: hex`",
         )
     elif index != len(parts) - 1 or parts[index].condition is not None:
         wrong(place, "a check in decimal digits is the last part of every frame; move it there")

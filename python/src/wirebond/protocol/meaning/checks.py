@@ -156,7 +156,7 @@ class _Reader:
         if found.bcd and found.width % 4:
             self._wrong(
                 self._node.key_place("bcd"),
-                f"a decimal digit has four bits, and {found.width} are no multiple of that"
+                f"a decimal digit has four bits, and {found.width} are not a multiple of that"
                 f"; write `width: {found.width + -found.width % 4}`",
             )
         self._validate_avoided(found)

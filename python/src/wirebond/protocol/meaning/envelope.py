@@ -214,7 +214,7 @@ def own_rule(syntax: EscapedPart, marks: list[int], place: Place, wrong: Wrong) 
     if xor == 0 or escape in marks or codes & set(marks):
         wrong(
             place,
-            "this escape rule can put a delimiter on the line; take an escape byte that is no delimiter, and "
+            "this escape rule can put a delimiter on the line; take an escape byte that is not a delimiter, and "
             "an xor after which no stuffed byte is one",
         )
     return Escapes(escape, xor, tuple((byte, byte ^ xor) for byte in plain))

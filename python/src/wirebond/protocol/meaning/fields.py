@@ -328,7 +328,7 @@ class _BitFieldReader(ValueReader):
     def _validate_continued(self, name: str, continued: int) -> None:
         assert isinstance(self._syntax, BitFieldSyntax)
         if not self._type.is_integer or self._syntax.constant is not None:
-            sentence = f"`{name}` is no whole number of its own, so nothing continues it; take `u4`"
+            sentence = f"`{name}` is not a whole number of its own, so nothing continues it; take `u4`"
             self._wrong(self._node.value_place("type"), sentence)
             return
         most = most_bits(self._type.coding)

@@ -156,7 +156,7 @@ class _Reader:
         match = _match(
             MatchOf.PAYLOAD, ranges_of(text, width, dict(field.enum), f"`{name}`"), width, text.mask, name, place
         )
-        if match.is_one_value:  # then it is no value any more
+        if match.is_one_value:  # then it is not a value any more
             self.message = replace(self.message, fields=_with_constant(self.message.fields, name, match.least))
         return match
 

@@ -178,7 +178,7 @@ def _validate_stamps(entry: Entry, message: Message, problems: Problems) -> None
                 place, f"the MCU alone stamps its messages; remove `clock`, or write `sender: mcu` in `{message.name}`"
             )
         if one.is_count:
-            problems.add(place, f"`{one.name}` counts elements, so it is no time; remove `clock`")
+            problems.add(place, f"`{one.name}` counts elements, so it is not a time; remove `clock`")
         if found:
             problems.add(place, f"`{found}` says already when `{message.name}` was measured; keep one `clock`")
         found = found or one.name

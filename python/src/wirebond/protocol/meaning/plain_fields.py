@@ -179,8 +179,8 @@ class _PlainReader(ValueReader):
             if wire_type.bits:
                 self._wrong(
                     node.value_place("type"),
-                    f"{wire_type.word} is no whole number of bytes; pack several (`count: 8, packed: low_first`), put "
-                    f"it among `bits`, or take {wire_type.word[0]}{-(-wire_type.bits // 8) * 8}",
+                    f"{wire_type.word} is not a whole number of bytes; pack several (`count: 8, packed: low_first`), "
+                    f"put it among `bits`, or take {wire_type.word[0]}{-(-wire_type.bits // 8) * 8}",
                 )
             return
         if wire_type.order is not None:

@@ -276,7 +276,7 @@ def _validate_counters(message: Message, fields: tuple[Field, ...], place: Place
         if not field.is_unsigned or not is_single or field.is_scaled or field.enum or field.flags:
             problems.add(
                 place,
-                f"the counter `{field.name}` in `{message.name}` is no plain unsigned integer; give it the type u32",
+                f"the counter `{field.name}` in `{message.name}` is not a plain unsigned integer; give it the type u32",
             )
         elif field.minimum is not None:
             problems.add(place, f"the counter `{field.name}` in `{message.name}` takes every value; remove its `range`")

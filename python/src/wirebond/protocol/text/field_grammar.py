@@ -63,7 +63,7 @@ Amount = Annotated[
 def _counter(value: object) -> str:
     if isinstance(value, str):
         return value
-    raise wrong(f"{describe(value)} is no field that counts; write {_COUNTED}")
+    raise wrong(f"{describe(value)} is not a field that counts; write {_COUNTED}")
 
 
 Counter = Annotated[str, PlainValidator(_counter, json_schema_input_type=_CounterText)]
@@ -128,12 +128,12 @@ class ValueSyntax(NumberSyntax):
     )
     constant: DefaultValue | None = Field(
         None,
-        description="The field always has this value, and is no value of the message: a frame that has another is no "
-        "frame.",
+        description="The field always has this value, and is not a value of the message: a frame that has another is "
+        "not a frame.",
         examples=["0x01"],
     )
     must_be_zero: Bool | None = Field(
-        None, description="Of padding: a frame in which it is not zero is no frame.", examples=[True]
+        None, description="Of padding: a frame in which it is not zero is not a frame.", examples=[True]
     )
 
     @classmethod

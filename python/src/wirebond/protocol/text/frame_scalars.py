@@ -82,7 +82,7 @@ def _magics(value: object) -> tuple[bytes, ...]:
     if not isinstance(value, dict):
         return (one(value),)
     if set(value) != {"any"}:
-        raise wrong("this mapping is no magic; write bytes, or `{any: [0xFE, 0xFD]}` for one of several")
+        raise wrong("this mapping is not a magic; write bytes, or `{any: [0xFE, 0xFD]}` for one of several")
     listed = value["any"]
     if not isinstance(listed, list) or not 2 <= len(listed) <= 4:
         raise wrong("`any` lists 2 to 4 magics; write `{any: [0xFE, 0xFD]}`")
@@ -99,8 +99,8 @@ def _magic(value: object) -> Magic:
         return Magic(_magics(value))
     if set(value) != {"host", "mcu"}:
         raise wrong(
-            "this mapping is no magic; write bytes, `{any: [0xFE, 0xFD]}` or `{host: 0xAA, mcu: 0xBB}`; for `mcu` or "
-            "`host` several are possible, too: `{host: 0xAA, mcu: {any: [0xBB, 0xBC]}}`"
+            "this mapping is not a magic; write bytes, `{any: [0xFE, 0xFD]}` or `{host: 0xAA, mcu: 0xBB}`; for `mcu` "
+            "or `host` several are possible, too: `{host: 0xAA, mcu: {any: [0xBB, 0xBC]}}`"
         )
     by_end = tuple((str(end), one) for end in ("host", "mcu") for one in _magics(value[end]))
     if len({len(one) for _, one in by_end}) != 1:

@@ -34,11 +34,11 @@ def _match(value: object) -> MatchText:
     for item in listed:
         text = item.text if isinstance(item, Number) else item
         if not isinstance(text, str):
-            raise wrong(f"{describe(item)} is no value that a frame can have; {_ADVICE}")
+            raise wrong(f"{describe(item)} is not a value that a frame can have; {_ADVICE}")
         try:
             ranges += parse_values(text)
         except PydanticCustomError:
-            raise wrong(f"{describe(item)} is no value that a frame can have; {_ADVICE}") from None
+            raise wrong(f"{describe(item)} is not a value that a frame can have; {_ADVICE}") from None
     return MatchText(tuple(ranges))
 
 

@@ -178,7 +178,7 @@ def _header_default(value: object) -> EndDefaults:
         given = _default_value(value)
         return EndDefaults(given, given)
     if set(value) != {"host", "mcu"}:
-        raise wrong("this mapping is no default; write one value, or `{host: 255, mcu: 1}` for one of each end")
+        raise wrong("this mapping is not a default; write one value, or `{host: 255, mcu: 1}` for one of each end")
     return EndDefaults(_default_value(value["host"]), _default_value(value["mcu"]))
 
 

@@ -53,7 +53,7 @@ def _tidied(value: Any) -> Any:
         if not (key == "title" and isinstance(entry, str)) and not (key == "default" and entry is None)
     }
     if "patternProperties" in schema:
-        schema["additionalProperties"] = False  # a name that fits no pattern is no name
+        schema["additionalProperties"] = False  # a name that fits no pattern is not a name
     choices = schema.get("anyOf")
     if choices is not None:
         kept = [choice for choice in choices if choice != {"type": "null"}]

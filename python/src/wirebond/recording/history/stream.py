@@ -28,7 +28,7 @@ class Entry:
     """A frame, or bytes between two frames.
 
     :ivar offset: of its first byte, from the first one of all; it names the entry within its direction.
-    :ivar name: of a frame's message; empty: it is no frame.
+    :ivar name: of a frame's message; empty: it is not a frame.
     :ivar bytes: of a discard at most 256.
     :ivar size: how many there are.
     """

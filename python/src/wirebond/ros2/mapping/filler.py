@@ -159,7 +159,7 @@ class Reading:
 
     :ivar chosen: the replacement of each of its values; None: the value itself.
     :ivar as_text: a name becomes a text.
-    :ivar convert: of a field whose value is no number, such as flags: makes one of it, as the wire has it.
+    :ivar convert: of a field whose value is not a number, such as flags: makes one of it, as the wire has it.
     """
 
     path: str

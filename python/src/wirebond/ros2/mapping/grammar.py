@@ -80,8 +80,8 @@ def _source(value: object) -> Source:
         scale, offset = (_plain_number(value[key]) if key in value else float(key == "scale") for key in _LINEAR)
         return Source(path, None, scale, offset, {key: _choice(one) for key, one in choose.items()})
     raise wrong(
-        f"{describe(value)} is no source of a value; write a field such as `battery` or `state.estop`, a number, true "
-        'or false, `{text: "a text"}`, or `{from: battery, scale: 0.1}`'
+        f"{describe(value)} is not a source of a value; write a field such as `battery` or `state.estop`, a number, "
+        'true or false, `{text: "a text"}`, or `{from: battery, scale: 0.1}`'
     )
 
 

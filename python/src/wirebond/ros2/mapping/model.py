@@ -45,7 +45,7 @@ class Incoming:
     :ivar values: the message's fields, read from the topic's message. A getter raises LookupError where a sequence is
         too short.
     :ivar stale: seconds that a command is repeated for; None: it is sent once.
-    :ivar plan: what the engine needs to make the frame of the topic's bytes; None: a value is no number and no text.
+    :ivar plan: what the engine needs to make the frame of the topic's bytes; None: a value is neither number nor text.
     """
 
     topic: str

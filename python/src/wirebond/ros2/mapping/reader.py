@@ -269,7 +269,7 @@ class _Reader:
         message = self._message(name, End.HOST, place)
         if message is not None and (message.every is None or message.reply is None):
             self.problems.add(
-                place, f"{name} is no request with an `every`; give it `every` and `reply` in the protocol file"
+                place, f"{name} is not a request with an `every`; give it `every` and `reply` in the protocol file"
             )
 
     def _flags(self, syntax: FlagsSyntax, node: Node) -> FlagsMapping | None:

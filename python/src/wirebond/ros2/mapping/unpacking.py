@@ -48,7 +48,7 @@ class UnpackedValue:
 class UnpackPlan:
     """A topic whose values are numbers and texts.
 
-    :ivar parts: of the topic's type, all of them: bytes that end too soon are no message.
+    :ivar parts: of the topic's type, all of them: bytes that end too soon are not a message.
     :ivar constants: fields of the message that no topic gives.
     """
 

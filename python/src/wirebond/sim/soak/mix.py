@@ -61,7 +61,7 @@ def mix_of(codec: Codec) -> Mix:
         for end in (End.HOST, End.MCU)
     }
     if not any(ends.values()):
-        raise UsageError(f"{model.name}: neither end sends a message that is no service; there is nothing to soak")
+        raise UsageError(f"{model.name}: neither end sends a message that is not a service; there is nothing to soak")
     tasks = _SEED_TASKS.get(model.name)
     is_seed = tasks is not None and all(name in ends[End.MCU] for name in tasks)
     times = _SEED_TIMES if is_seed else 1

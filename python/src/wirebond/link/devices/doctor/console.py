@@ -26,7 +26,7 @@ def check_console(machine: Machine, port: SerialPort) -> Finding:
     name = port.path.removeprefix("/dev/")
     writes, login = _kernel_writes(machine, name), _login(machine, name)
     if not writes and login is None:
-        return Finding("console", Verdict.OK, "it is no console", port.path)
+        return Finding("console", Verdict.OK, "it is not a console", port.path)
     said = []
     cure: list[str] = []
     if writes:

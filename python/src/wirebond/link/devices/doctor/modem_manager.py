@@ -20,7 +20,7 @@ _CAREFUL = ("strict", "allowlist-only", "whitelist-only")
 
 
 def check_modem_manager(machine: Machine, port: SerialPort) -> Finding | None:
-    """Check whether ModemManager may open the port; None if it is no USB device: those it leaves alone."""
+    """Check whether ModemManager may open the port; None if it is not a USB device: those it leaves alone."""
     if port.usb is None:
         return None
     daemon = machine.runs("ModemManager")

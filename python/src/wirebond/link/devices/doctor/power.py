@@ -15,7 +15,7 @@ _SLEEPS_WHILE_OPEN = "cdc_acm"
 
 
 def check_autosuspend(machine: Machine, port: SerialPort) -> Finding | None:
-    """Check autosuspend; None if it is no USB device."""
+    """Check autosuspend; None if it is not a USB device."""
     device = machine.usb_device_of(port)
     if device is None or port.usb is None:
         return None
