@@ -1,6 +1,6 @@
 """A protocol together with the compiled engine: encode, decode, statistics, columns.
 
-One file: what encodes and decodes, and the tables and counts that come of it.
+One file: the encoder and the decoder, with the tables and counts that they return.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ _MOST_THREADS = 64
 @dataclass(frozen=True)
 class SequenceCounts:
     """Results of the sequence numbers of received frames. Each number is compared with the previous one of the same
-    peer (with ``per: message``: and of the same message). The first one only sets where the count begins.
+    peer (with ``per: message``: and of the same message). The first one only starts the count.
 
-    :ivar numbered: frames whose number was looked at.
-    :ivar gaps: frames that are missing: numbers that were left out.
+    :ivar numbered: frames whose number was compared.
+    :ivar gaps: missing frames: numbers that were skipped.
     :ivar repeats: frames with the number of the frame before.
-    :ivar restarts: jumps beyond half the range of numbers: the peer began again. What was lost there is not known.
+    :ivar restarts: jumps of more than half the range: the peer restarted. The loss there is unknown.
     """
 
     numbered: int
@@ -53,7 +53,7 @@ class SequenceCounts:
 
     @property
     def loss(self) -> float:
-        """The part of a peer's frames that did not arrive, 0 to 1, according to their numbers."""
+        """The share of a peer's frames that did not arrive, 0 to 1, judged by their numbers."""
         sent = self.numbered - self.repeats + self.gaps
         return self.gaps / sent if sent else 0.0
 
@@ -85,7 +85,7 @@ class SequenceStats(SequenceCounts):
 
 
 def stats_from(raw: dict[str, Any]) -> Stats:
-    """Make it from the engine's counts."""
+    """Convert the engine's counts."""
     sequence = raw.pop("sequence")
     if sequence is not None:
         peers = {peer: SequenceCounts(**counts) for peer, counts in sequence["peers"]}
@@ -100,23 +100,23 @@ class Stats:
 
     ``bytes == frame_bytes + fill_bytes + pending_bytes + sum(discarded_bytes.values())``
 
-    :ivar bytes: all that were fed.
-    :ivar frames: frames that were delivered.
-    :ivar unknown_frames: of these, frames of no message that the protocol has.
-    :ivar foreign_frames: of these, frames for another address, and replies from an address that was not asked: they
-        were given to nobody.
+    :ivar bytes: all received bytes.
+    :ivar frames: delivered frames.
+    :ivar unknown_frames: of these, frames whose message the protocol does not have.
+    :ivar foreign_frames: of these, frames for another address, and replies from an address that was not asked: nobody
+        gets them.
     :ivar foreign_bytes: bytes in such frames; they are in ``frame_bytes``, too.
     :ivar frame_bytes: bytes in delivered frames.
     :ivar fill_bytes: delimiters between frames.
-    :ivar pending_bytes: bytes that are not settled yet.
-    :ivar discarded_bytes: bytes thrown away, by cause; every cause has its entry.
-    :ivar rejected_candidates: how often a start turned out to be none, by cause.
-    :ivar messages: how many were delivered, by message; those that came.
+    :ivar pending_bytes: bytes of which it is not decided yet whether they are in a frame.
+    :ivar discarded_bytes: discarded bytes, by cause; every cause has an entry.
+    :ivar rejected_candidates: how often a frame's start turned out to be false, by cause.
+    :ivar messages: delivered frames by message; messages that never came are left out.
     :ivar sequence: counts by the frames' sequence numbers; None if frames have none. None as well if a decoder
         takes the bytes of both ends and frames do not say who sent them.
-    :ivar unlisted_frames: frames that were discarded as ``unknown_message``, and are a peer's messages all the same:
-        at the end of each another frame began, or each lay between delimiters or silences.
-    :ivar unlisted: of these, how many by id and bytes of the frame, 64 kinds at most: ``{(30, 28): 7}``.
+    :ivar unlisted_frames: frames that were discarded as ``unknown_message`` and are a peer's messages nevertheless:
+        another frame began at the end of each, or each was between delimiters or silences.
+    :ivar unlisted: their number by id and size of the frame in bytes, 64 kinds at most: ``{(30, 28): 7}``.
     """
 
     bytes: int
@@ -153,7 +153,7 @@ class Stats:
 
 
 class Decoder:
-    """Bytes of one end in, messages out. Never waits and reads no clock: times come in, in seconds.
+    """Decodes the bytes of one end into messages. Never waits and reads no clock: the caller gives times, in seconds.
 
     ``Codec.decoder`` makes one. Use it from one thread at a time.
     """
@@ -164,7 +164,7 @@ class Decoder:
         self._sender = sender
 
     def feed(self, data: Buffer, t: float = 0.0) -> list[Message]:
-        """Take what was read. Any bytes are fine; what is not a frame is counted.
+        """Decode bytes that were read. Any bytes are allowed; those outside frames are counted.
 
         :param data: any number of bytes; any buffer, also one whose bytes are not contiguous (it is copied).
         :param t: when they were read, in seconds on a clock of your choice. A time before the latest one counts as
@@ -176,11 +176,11 @@ class Decoder:
         return self.engine.feed(data, t)
 
     def expect(self, request: str | None, *, header: Mapping[str, Any] | None = None) -> None:
-        """Say what was asked: where several messages share an id (or have none), the reply to ``request`` is meant
-        from here on, until the next call. Bytes that are pending are examined for it, too; where silence ends a frame,
-        call ``idle`` first. A ``Link`` does this for what it sends.
+        """Name the request that was sent, so that its reply can be identified where several messages share an id (or
+        have none). It holds for the bytes from here on, pending ones included, until the next call. Where silence ends
+        a frame, call ``idle`` first. A ``Link`` does this for each request it sends.
 
-        :param request: the message that goes out; None: no reply is expected.
+        :param request: the request's message; None: no reply is expected.
         :param header: its header values. Where the MCU answers with its own address (``address: mcu``), a reply from
             another address than was asked is then foreign: it is counted, and not returned. None: every reply is.
         :raises MessageError: ``header`` has a wrong name or value.
@@ -196,8 +196,8 @@ class Decoder:
         self.engine.expect(index, place, address)
 
     def idle(self, t: float) -> list[Message]:
-        """Say that a read found nothing. After the protocol's ``idle`` time an incomplete frame is given up and its
-        bytes are looked through again.
+        """Report that a read returned nothing. After the protocol's ``idle`` time an incomplete frame is given up, and
+        its bytes are searched for other frames.
 
         :param t: when that read began, in seconds on the clock of ``feed``.
         :returns: messages that came after a false start.
@@ -207,7 +207,7 @@ class Decoder:
         return self.engine.idle(t)
 
     def finish(self) -> list[Message]:
-        """Say that no byte will ever follow: what is pending is settled.
+        """Report that no more bytes will come, so that pending bytes are decided.
 
         :returns: messages that came after a false start.
         """
@@ -233,7 +233,7 @@ class Table:
 
     ``table["left_ticks"]`` is a column, ``in`` and iteration go over their names, and ``dict(table)`` is possible. A
     field of a group has a column for each element, ``joints[3].position``. An array is one column of shape (rows,
-    count), and ``gains[1]`` names one element of it.
+    count), and ``gains[1]`` is one element of it.
 
     :ivar offset: of each row's first byte in the capture, in bytes; uint64 of shape (rows,).
     :ivar fields: the columns by name.
@@ -336,10 +336,10 @@ class Columns(Mapping[str, Table]):
 
 
 class Codec:
-    """One protocol, ready to use. ``load`` makes it from a file. It does not change; any thread may use it.
+    """A protocol that encodes and decodes. ``load`` makes it from a file. It is immutable; any thread may use it.
 
     :param model: the protocol as plain values.
-    :ivar model: the same: all that the file says, with its defaults.
+    :ivar model: the same: the whole file, with its defaults.
     :ivar tables: for this package's own modules.
     """
 
@@ -369,10 +369,10 @@ class Codec:
         sender: str | None = None,
         **fields: Any,
     ) -> bytes:
-        """Return one frame's bytes. Exceptions of a value's own ``__float__`` or ``__index__`` are not caught.
+        """Encode a message as one frame. Exceptions of a value's own ``__float__`` or ``__index__`` are not caught.
 
-        Of a format's forms the first is taken that these header values allow, that has every field given here, and that
-        can carry the message.
+        If the format has several forms, the first one is used that allows these header values, has every header field
+        given here, and can carry the message.
 
         A sequence number is a header field like others: 0 unless ``header`` gives it. The same call gives the same
         bytes each time; a link raises the number from frame to frame.
@@ -383,7 +383,7 @@ class Codec:
             values as those of message fields: SI units, names of an enum, a list of flags.
         :param sender: of a message with ``sender: both``, the end whose frame is wanted, ``"host"`` or ``"mcu"``: their
             frames may begin with different bytes. None: the host's. Of any other message None, or its own sender.
-        :param fields: its fields by keyword; they go before those of ``values``.
+        :param fields: its fields by keyword; they override those of ``values``.
         :returns: the frame as it is on the wire, delimiters included.
         :raises MessageError: unknown message or field, a value out of range, not finite or of the wrong type; or no
             form of the frame can carry the message.
@@ -447,12 +447,12 @@ class Codec:
         :param threads: how many share a large capture, at most 64; None: as many as the machine has cores. The result
             does not depend on it.
         :param progress: called as ``progress(done, size)``, both in bytes, some ten times a second and at the end, in
-            the calling thread; not for a capture of less than 256 KiB. What it raises ends the call.
+            the calling thread; not for a capture of less than 256 KiB. An exception from it ends the call.
         :returns: a table for each message that occurred. Scaled fields are float64 in SI units; other numbers keep
             their wire type; enums and flags stay integers; arrays have shape (rows, count); text and bytes are lists.
             A group has columns for each element, such as ``joints[3].position``. If its number varies, there are
             columns for the maximum: floats that are NaN, or lists with None, where a row has fewer elements.
-            Behind them a column for each header field, such as ``header.servo``: 0 in frames that do not have it.
+            A column for each header field follows, such as ``header.servo``: 0 in frames without it.
         :raises TypeError: ``capture`` is not a buffer, or ``progress`` cannot be called.
         :raises UsageError: a sender as for ``decoder``, or ``threads`` is not a number of 1 or more.
         """
@@ -493,7 +493,8 @@ def refuse_option_for_field(
 ) -> None:
     """Refuse an argument that may have been meant for the field of the same name.
 
-    :raises UsageError: the message has a field that is called like an option given here, and ``values`` has it not.
+    :raises UsageError: the message has a field that is called like an option given here, and ``values`` does not have
+        it.
     """
     for name, given in options.items():
         if given is None or name in (values or {}):

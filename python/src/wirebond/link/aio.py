@@ -1,4 +1,5 @@
-"""A link within asyncio: only what waits. Everything else of a ``Link`` returns at once, and is called as it is."""
+"""A link in asyncio: coroutines for the calls that wait. All other calls of a ``Link`` return at once, and are used as
+they are."""
 
 from __future__ import annotations
 
@@ -30,7 +31,7 @@ _CLOSE_PATIENCE = 1.0  # seconds for coroutines that handle messages from before
 
 
 class Aio:
-    """Coroutines for everything in a link that waits, for one event loop. Get it from ``link.aio``; use it only in the
+    """Coroutines for all calls of a link that wait, for one event loop. Get it from ``link.aio``; use it only in the
     loop's thread.
 
     ``async for message in link.aio`` gives messages as ``for message in link`` does; ``async with link.aio`` closes the
@@ -58,7 +59,7 @@ class Aio:
         :param timeout: seconds; None: as long as it takes.
         :returns: the message.
         :raises TimeoutError: none came in time.
-        :raises LinkDownError: the link is closed, and all that had come was taken.
+        :raises LinkDownError: the link is closed, and all received messages were taken.
         """
         inbox = self._link._inbox
         taken: list[Message] = []
@@ -161,14 +162,14 @@ class Aio:
         header: Mapping[str, Any] | None = None,
         **fields: Any,
     ) -> Any:
-        """Send a request and await its reply, as ``Link.request``; other tasks run in that time. If the task is
-        cancelled, a late reply goes where other messages go.
+        """Send a request and await its reply, as ``Link.request`` does; other tasks run meanwhile. If the task is
+        cancelled, a late reply is delivered like other messages.
 
         :param message: a message of the host that has a ``reply``, by its name or as an object of a generated module.
         :param values: its fields by name, in SI units.
         :param timeout: seconds.
         :param header: the frame's own named fields, as for ``Link.send``.
-        :param fields: its fields as keywords; they go before those of ``values``.
+        :param fields: its fields as keywords; they override those of ``values``.
         :returns: the reply: a ``Message``, or an object of the generated module.
         :raises RequestTimeoutError: no reply came in time.
         """
@@ -299,8 +300,8 @@ class Aio:
     # ---- the end
 
     async def close(self) -> None:
-        """Close the link, as ``Link.close``; other tasks run in that time. Coroutine handlers get earlier messages, for
-        a second at most."""
+        """Close the link, as ``Link.close`` does; other tasks run meanwhile. Coroutine handlers get earlier messages,
+        for a second at most."""
         self._link._begin_close()  # leases end now, also when this task is cancelled
         await asyncio.to_thread(self._link.close)
         task, self._task = self._task, None

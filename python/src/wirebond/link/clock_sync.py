@@ -45,14 +45,14 @@ class Verdict(Enum):
 class ClockReading:
     """The state of the MCU's clock, as far as it is known.
 
-    :ivar offset: seconds to add to the MCU's clock for the host's time, at the last exchange. A clock that wraps
-        is counted on.
+    :ivar offset: seconds to add to the MCU's clock to get the host's time, at the last exchange. Wraps of the MCU's
+        clock are counted.
     :ivar drift: parts per million by which the MCU's clock is fast; negative: slow.
     :ivar error: seconds by which the offset is wrong at most.
     :ivar round_trip: seconds: the shortest of the last minute.
-    :ivar exchanges: that were answered.
-    :ivar outliers: of them, not used.
-    :ivar restarts: times that the MCU's clock began again.
+    :ivar exchanges: answered exchanges.
+    :ivar outliers: those of them that were not used.
+    :ivar restarts: how often the MCU's clock began again.
     """
 
     offset: float

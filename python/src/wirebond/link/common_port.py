@@ -27,13 +27,13 @@ class CommonPort:
         with wirebond.open("ubx.yaml", port) as ubx, wirebond.open("nmea.yaml", port) as nmea:
             ...
 
-    Each link gets every byte that comes and finds its own frames among them; to each, the frames of the others are
-    discarded bytes. What the links send leaves one whole frame after another. The first link opens the port, and its
-    baud rate is that of the others; the last link closes it. Any thread.
+    Each link gets every received byte and finds its own frames among them; the frames of the others count as discarded
+    bytes. Frames that the links send leave whole, one after another. The first link opens the port, and its baud rate
+    holds for the others; the last link closes it. Any thread.
 
     :param port: a tty, a USB device or a serial server, by a name that `wirebond.open` takes.
     :param baud: bits per second; default: that of the file whose link is opened first.
-    :raises UsageError: that is not a port which links can have in common; or ``baud`` is out of its range.
+    :raises UsageError: links cannot share this kind of port; or ``baud`` is out of its range.
     """
 
     def __init__(self, port: str | os.PathLike[str], baud: int | None = None) -> None:

@@ -1,6 +1,6 @@
-"""A link: one port, opened and supervised by threads of its own; messages come out, frames go in.
+"""A link: one port, opened and supervised by threads of its own, that receives messages and sends frames.
 
-One file: the list of what a program does with a link; each method is a few lines and its documentation.
+One file: all that a program can do with a link. Each method is a few lines and its documentation.
 """
 
 from __future__ import annotations
@@ -56,7 +56,8 @@ _PROTOCOL = "a protocol file's path, a Codec, or a server's address"
 
 
 class Link(Receiving):
-    """The host's end of one port. It reconnects by itself; what waited when the port went away expires, counted.
+    """The host's end of one port. It reconnects by itself; frames that were queued when the port went away expire, and
+    are counted.
 
     Threads: any thread may call any method. Iteration and ``receive`` give each message once, to one caller; let one
     thread take them. A forked child has no link: there ``close`` does nothing and the rest raises ``LinkDownError``.
@@ -145,17 +146,17 @@ class Link(Receiving):
         header: Mapping[str, Any] | None = None,
         **fields: Any,
     ) -> None:
-        """Send one frame whole. Returns when it is queued or written; never waits for the line. Any thread.
+        """Send one frame. Returns when it is queued or written; never waits for the line. Any thread.
 
         :param message: a message of the host by its name, or an object of a generated module.
         :param values: its fields by name, in SI units.
         :param header: the frame's own named fields, where they differ from the host's defaults, as for `Codec.encode`.
             The link increments a sequence number, unless it is given here.
-        :param fields: its fields as keywords; they go before those of ``values``.
+        :param fields: its fields as keywords; they override those of ``values``.
         :raises MessageError: a value is wrong, or the message is the MCU's to send.
         :raises StoppedError: an emergency stop holds the message.
         :raises LinkDownError: the port is gone at the moment, and the link is looking for it; or the link is closed.
-        :raises QueueFullError: 64 KiB wait already: the line does not keep up.
+        :raises QueueFullError: 64 KiB are queued already: the line is too slow for what is sent.
         """
         name, given = name_and_values(message, values, fields)
         own = self._frames.message(name)
@@ -179,9 +180,10 @@ class Link(Receiving):
     ) -> None:
         """Repeat this value at the rhythm of the message's ``every``, for ``hold`` seconds after this call. Any thread.
 
-        A program that goes on calls it again in time. When it does not, because it hangs or ends, the lease ends: what
-        waits of the message is dropped, and the message's safe value (that of ``emergency_stop``) goes before all
-        else, once. A message without a safe value falls silent. So a program that hangs cannot keep a robot driving.
+        The program calls it again in time to continue. If it does not, because it hangs or ends, the lease ends: queued
+        frames of the message are dropped, and its safe value (that of ``emergency_stop``) is sent once, before
+        everything else. A message without a safe value is not sent any more. So a program that hangs cannot keep a
+        robot driving.
 
         Where frames have addresses, each address has a lease of its own: a value for one servo does not replace that of
         another, and the safe value goes to the address whose lease ends, with the other header values of the file's
@@ -189,15 +191,15 @@ class Link(Receiving):
 
         :param message: a message of the host by its name, or an object of a generated module.
         :param values: its fields by name, in SI units.
-        :param fields: its fields as keywords; they go before those of ``values``.
+        :param fields: its fields as keywords; they override those of ``values``.
         :param hold: seconds, more than 0 and at most 60.
         :param header: the frame's own named fields, as for ``send``.
         :raises MessageError: a value is wrong, or the message is the MCU's to send.
         :raises UsageError: the message has no ``every``, or ``hold`` is out of its range; or the message has a field
-            ``hold``, which belongs into ``values``.
+            ``hold``, which belongs in ``values``.
         :raises StoppedError: an emergency stop holds the message.
-        :raises LinkDownError: the link is closed. A port that is away for a while raises nothing: the value goes on
-            when it is back, within its lease.
+        :raises LinkDownError: the link is closed. A port that is away for a while raises nothing: the value is
+            sent again when it is back, within its lease.
         """
         expected = f"more than 0 and at most {MAX_HOLD:g} s: call repeat() again in time"
         hold = real("hold", hold, expected)
@@ -228,27 +230,28 @@ class Link(Receiving):
         thread.
 
         Without this call the end of the link sends the safe value of everything that ``send`` and ``repeat`` moved.
-        What is sent after this call is stopped at the end again. A lease that is still alive ends with its safe value
-        all the same.
+        Whatever is sent after this call is stopped at the end as usual. A lease that is still alive ends with its safe
+        value nevertheless.
 
         :raises LinkDownError: the server that owns the link is away.
         """
         self._engine.hand_over()
 
     def emergency_stop(self) -> None:
-        """Send the file's ``emergency_stop``, before all that waits, and go on until ``release_stop()``. Any thread.
+        """Send the file's ``emergency_stop`` before everything that is queued, and repeat it until ``release_stop()``.
+        Any thread.
 
-        Never refused, also with a full queue. What waits of the stop's messages is dropped, and their leases end. The
-        stop is repeated at each message's ``every``, or every 50 ms where it has none. ``send`` and ``repeat`` of
-        those messages raise ``StoppedError``. While the port is away the stop waits, and is the first to leave when
-        it is back.
+        Never refused, even with a full queue. Queued frames of the stop's messages are dropped, and their leases end.
+        The stop is repeated at each message's ``every``, or every 50 ms where it has none. ``send`` and ``repeat`` of
+        those messages raise ``StoppedError``. While the port is away the stop waits, and is sent first when it is
+        back.
 
         Where frames have addresses, each message also goes to every address that this link has sent it to, unless the
         file's stop goes to all of them (``broadcast``).
 
-        The latch lives in this object: another program, and the MCU, do not see it. The latch of an attached link lives
-        in the server and outlives a restart of it. While ``close`` waits in another
-        thread, a stop still goes before all that is queued.
+        The latch is kept in this object: another program, and the MCU, do not see it. The latch of an attached link is
+        kept in the server and survives its restart. While ``close`` waits in another thread, a stop still goes before
+        everything that is queued.
 
         :raises UsageError: the protocol has none.
         :raises LinkDownError: the link is closed: nothing can be sent any more.
@@ -261,7 +264,7 @@ class Link(Receiving):
 
     def release_stop(self, *, over: bool | str = False) -> None:
         """Let the stopped messages be sent again. Sends nothing itself: the robot stays as it is until the program
-        sends. Without a stop nothing happens. Any thread.
+        sends. Does nothing if there is no stop. Any thread.
 
         :param over: on an attached link. True: also if another program stopped the robot, or if the server was
             restarted since. A name: only if the program of this name did. The server logs who did it.
@@ -285,9 +288,9 @@ class Link(Receiving):
 
     def take_control(self, *, over: bool | str = False) -> None:
         """Become the program in control, until ``release_control``, ``close``, an emergency stop, or 0.3 s in which the
-        server does not hear of it. A link of one's own has nothing to take.
+        server does not hear from it. A link with its own port is always in control.
 
-        Without this call, the first command takes control where no program has it; a program that has lost control
+        Without this call, a program's first command takes control if no program has it; a program that has lost control
         must call it.
 
         :param over: True: also where another program is in control; its leases end with their safe values first. A
@@ -300,17 +303,17 @@ class Link(Receiving):
         self._owner.take_control(over)
 
     def release_control(self) -> None:
-        """Let another program take control. All leases end first, and what this one moved gets its safe value, except
-        for what it sent before ``hand_over``. A link of one's own stays in control, and stops the robot all the same.
-        Any thread."""
+        """Let another program take control. All leases end first, and whatever this program moved gets its safe value,
+        except for what it sent before ``hand_over``. A link with its own port stays in control, and stops the robot,
+        too. Any thread."""
         self._owner.release_control()
 
     # ---- addresses
 
     @property
     def address(self) -> int | str | None:
-        """The own address: frames for others are foreign, and it is sent where frames name their sender. None
-        where the protocol has no address of this end. Setting it holds from then on. Any thread.
+        """The address of this end: frames for others are foreign, and it is sent where frames name their sender. None
+        if the protocol has no address of this end. A new value holds from then on. Any thread.
 
         :raises UsageError: set where the protocol has none, to a value that its field cannot hold, or to a broadcast.
         """
@@ -324,7 +327,7 @@ class Link(Receiving):
 
     @property
     def role(self) -> str:
-        """The end that it plays: ``"host"`` or ``"mcu"``."""
+        """The end that this link is: ``"host"`` or ``"mcu"``."""
         return self._end
 
     @property
@@ -344,8 +347,8 @@ class Link(Receiving):
 
     @property
     def device(self) -> str:
-        """The port at the end of the line: the server's port of an attached link, the tty behind a stable name, else
-        ``port``. Any thread."""
+        """The device that is used: of an attached link the server's port, of a stable name its tty, else ``port``. Any
+        thread."""
         return self._owner.device()
 
     @property
@@ -358,7 +361,7 @@ class Link(Receiving):
 
     @property
     def peer(self) -> Peer:
-        """Whether the MCU was built from the same file: ``unknown``, ``same`` or ``different``. The link says hello
+        """Whether the MCU was built from the same file: ``unknown``, ``same`` or ``different``. The link sends hello
         each time the port is opened, and when the MCU restarts; the MCU answers. Any thread."""
         return self._services.peer
 
@@ -372,13 +375,13 @@ class Link(Receiving):
 
     @property
     def clock(self) -> ClockReading | None:
-        """The MCU's clock against the host's: offset, drift and their bound. None: the file maps no ``clock``, or the
-        MCU has not answered yet. Any thread."""
+        """The MCU's clock compared with the host's: offset, drift and their bound. None: the file maps no ``clock``, or
+        the MCU has not answered yet. Any thread."""
         return self._services.clock
 
     def host_time(self, mcu_us: int, near: float | None = None) -> HostTime:
-        """Return the host's time of a time of the MCU, such as a stamp in a message. Later times of the MCU have later
-        times of the host. Any thread.
+        """Convert a time of the MCU, such as a stamp in a message, to the host's time. Keeps the order of times. Any
+        thread.
 
         :param mcu_us: microseconds of the MCU's clock, which may have wrapped.
         :param near: a host's time within half an hour, on ``time.monotonic()``, such as the message's ``t``. None: now.
@@ -391,7 +394,7 @@ class Link(Receiving):
 
     @property
     def deadlines(self) -> dict[str, bool]:
-        """The deadlines of the own end: has this action struck, and not ended yet?"""
+        """The deadlines of this end: for each action, True if it has struck and not ended yet."""
         struck = set(self._engine.struck_deadlines())
         return {name: index in struck for index, name in enumerate(self._actions)}
 
@@ -399,14 +402,14 @@ class Link(Receiving):
         """End a deadline with ``recover: explicit``.
 
         :param action: the deadline's ``then``.
-        :raises UsageError: the file has no such deadline at the own end.
+        :raises UsageError: the file has no such deadline at this end.
         """
         self._check_action(action, "to recover")
         self._engine.recover_deadline(self._actions.index(action))
 
     @property
     def stats(self) -> LinkStats:
-        """Both accounts, exact at this moment. Any thread."""
+        """The accounts of both directions, exact at this moment. Any thread."""
         raw = self._engine.stats()
         send = SendStats(**raw.pop("send"))
         rest = {name: raw.pop(name) for name in ("late", "held_back", "reconnects", "echoed_bytes", "collisions")}
@@ -414,13 +417,13 @@ class Link(Receiving):
         return LinkStats(stats_from(raw), send, dropped, **rest, handler_errors=self._inbox.handlers.errors)
 
     def rates(self, window: float = DEFAULT_WINDOW) -> Rates:
-        """Return the recent rates by message against their schedule, losses, and use of the line. Any thread.
+        """Return the recent rates by message compared with their schedule, losses, and line use. Any thread.
 
         It compares the account with an earlier look at it; each call is a look, and so is the opening of the link. The
-        newest look that lies at least ``window`` seconds back is taken, or the oldest. ``Rates.seconds`` says how long
+        newest look that is at least ``window`` seconds old is taken, or the oldest. ``Rates.seconds`` says how long
         that is. A program that calls it once a second gets the last 2 to 3 seconds.
 
-        :param window: seconds, more than 0; what lies back further than a minute may be forgotten.
+        :param window: seconds, more than 0; looks older than a minute may be forgotten.
         :returns: the rates, with the time that they are of.
         :raises UsageError: ``window`` is no such number.
         """
@@ -432,7 +435,7 @@ class Link(Receiving):
             return self._meter.rates(self.stats, time.monotonic(), window)
 
     def dump(self) -> Dump:
-        """Return the last bytes of both directions, for a look after a fault: 10 s of a full line, at least 64 KiB and
+        """Return the last bytes of both directions, to examine a fault: 10 s of a full line, at least 64 KiB and
         at most 2 MiB. Any thread, also in a handler; copying takes about a millisecond.
 
         :returns: a copy with times, frames, and causes of discarded bytes.
@@ -444,12 +447,13 @@ class Link(Receiving):
 
     @property
     def other_protocols(self) -> list[Codec]:
-        """The protocols of the other links on a `CommonPort`: their frames are discarded bytes here. Any thread."""
+        """The protocols of the other links on a `CommonPort`: their frames count as discarded bytes here. Any
+        thread."""
         return self._owner.other_protocols()
 
     def tap(self, capacity: int = TAP_BYTES) -> Tap:
-        """Begin to keep every read, every write and every event, for a recorder. The first events give the state of
-        the link. Any thread.
+        """Begin to keep every read, every write and every event, for a recorder. The first events are the state of the
+        link. Any thread.
 
         :param capacity: bytes that may wait for ``Tap.take``. What does not fit is dropped and counted; the link never
             waits.
@@ -459,11 +463,11 @@ class Link(Receiving):
         return Tap(self._engine, capacity, self._actions, [m.name for m in self.codec.model.messages])
 
     def record(self, path: str | os.PathLike[str]) -> RunningRecorder:
-        """Record everything that is read, written and happens, from now to the end of a ``with`` block or ``close``.
+        """Record every read, write and event, from now to the end of a ``with`` block or ``close``.
         Any thread; several recordings may run at once.
 
         :param path: the new file, an MCAP file.
-        :returns: what records; ``with link.record("run.mcap"):`` closes it.
+        :returns: the recorder; ``with link.record("run.mcap"):`` closes it.
         :raises UsageError: the file exists, or the link's protocol was not read from a file.
         :raises OSError: the file cannot be written.
         """
@@ -483,18 +487,18 @@ class Link(Receiving):
 
         :param kind: a word for it.
         :param facts: texts, numbers, lists and mappings of these.
-        :raises UsageError: it cannot be written as JSON, or has more than 4096 characters then.
+        :raises UsageError: it cannot be written as JSON, or its JSON has more than 4096 characters.
         """
         self._engine.note(noted(kind, facts))
 
     def close(self) -> None:
-        """End every lease, send the safe value of everything that moved (see ``hand_over``) and what is queued (a
-        second at most), and give the port back. What had come can still be taken. A second call waits for the end of
-        the first one. Any thread.
+        """End every lease, send the safe value of everything that moved (see ``hand_over``) and what is queued (for a
+        second at most), and close the port. Messages received before can still be taken. A second call waits for the
+        end of the first one. Any thread.
 
-        Handlers get what had come before ``close`` returns, and are not called after that. One that takes more than a
-        second is not waited for: what waited for it is counted as dropped. In a handler ``close`` does not wait for
-        handlers: they get the rest after it."""
+        Handlers get all received messages before ``close`` returns, and are not called after that. ``close`` waits a
+        second at most for a handler: messages that still wait for it then are counted as dropped. If ``close`` is
+        called in a handler, it waits for none: they get the rest after it."""
         self._engine.close()
         self._services.end()
         if ending.is_ending():  # the inbox's thread sleeps until the process is gone
@@ -553,7 +557,7 @@ def open_link(
     :param protocol: a protocol file's path, or a ``Codec``; or the address of a server, which knows its protocol.
     :param port: a tty's path; ``sim:``, a virtual MCU of this protocol in a thread of this process; a USB device by a
         name that stays, such as ``usb:1a86:55d3`` (see `wirebond.link.devices`); or
-        ``tcp://host:port``, a server that gives a serial line as raw bytes, such as ser2net; or
+        ``tcp://host:port``, a server that forwards a serial line as raw bytes, such as ser2net; or
         ``rfc2217://host:port``, one whose baud rate, parity and stop bits the link sets; or ``replay:run.mcap``, a
         recording, also with options such as ``replay:run.mcap?speed=max&from=12.5&to=20&loop=1``; or
         ``wirebond://NAME`` or ``wirebond://host:port?token=TOKEN``, the link of a running ``wirebond serve``, whose
@@ -561,9 +565,9 @@ def open_link(
     :param baud: bits per second; default: the file's.
     :param paced: frames are handed to the port at the pace of its baud rate, so that at most 5 ms of line, or one
         frame, leave before an emergency stop. False: as fast as the port takes them, for ports whose baud rate means
-        nothing, as of an MCU's own USB; what the driver holds then leaves before a stop.
+        nothing, such as an MCU's own USB; all that the driver holds then leaves before a stop.
     :param hold_back: messages that are late, or that a deadline with ``recover: explicit`` holds back, are counted and
-        not given to the program. False: they are given all the same, for programs that only show or record.
+        not given to the program. False: the program gets them, too, as a program that only shows or records wants.
     :param adapter_latency: seconds that the port may hold received bytes back, 0 to 1; they are added to ``idle``.
         Default: the file's ``adapter_latency``; without one 16 ms for a USB device and for TCP, the time of 16
         bytes for other ttys, and 0 for what is not a device, such as a pty.
@@ -576,10 +580,10 @@ def open_link(
         whether the MCU has the same protocol. False: the link only listens to the MCU's.
     :param clock_sync: where the file maps ``clock``, ask the MCU's clock once a second, for ``link.clock`` and
         ``link.host_time``. False: it is not asked.
-    :returns: a link that reads already; close it, or use it in a ``with`` block.
+    :returns: a link that is reading already; close it, or use it in a ``with`` block.
     :raises ProtocolFileError: the file cannot be used.
     :raises PortError: the port cannot be opened; the sentence says why and what to do.
-    :raises UsageError: an option or the port has a value that cannot be; or a server owns a link of another protocol.
+    :raises UsageError: an option or the port has an impossible value; or a server owns a link of another protocol.
     """
     if port is None:
         if isinstance(protocol, Codec) or not os.fsdecode(path("protocol", protocol, _PROTOCOL)).startswith(SCHEME):

@@ -1,4 +1,4 @@
-"""Listening to both directions of a line, with ports that only receive: who sent what, and in which order."""
+"""Listens to both directions of a line, with ports that only receive: who sent what, and in which order."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Heard(NamedTuple):
     """A message, and the end that sent it.
 
     :ivar sender: ``"host"`` or ``"mcu"``; ``"either"`` if one port hears both ends and the protocol does not say.
-    :ivar message: what it sent.
+    :ivar message: the message.
     """
 
     sender: str
@@ -35,7 +35,7 @@ class Heard(NamedTuple):
 
 class Listener:
     """Ports that only receive: one for each direction, or one that hears both; ``wirebond.listen`` makes one. One
-    thread takes what comes.
+    thread takes the messages.
 
     :ivar links: the links, for ``state``, ``why``, ``stats``, ``rates`` and ``dump``: by the end that they hear, or
         one, ``"line"``, that hears both.
@@ -74,7 +74,7 @@ class Listener:
 
     @property
     def untold(self) -> list[str]:
-        """Messages that one port for both ends cannot distinguish, a sentence for each."""
+        """The messages whose sender one port for both ends cannot determine, as one sentence each."""
         return [] if self._shared is None else list(self._shared.line.untold)
 
     def receive(self, timeout: float = 0.0) -> list[Heard]:
@@ -82,8 +82,8 @@ class Listener:
         it.
 
         :param timeout: seconds; 0 does not wait.
-        :returns: messages of both ends by the times at which they came; none when the time is over.
-        :raises LinkDownError: it is closed, and all that had come was taken.
+        :returns: messages of both ends by the times at which they came; none if none came in that time.
+        :raises LinkDownError: it is closed, and all received messages were taken.
         """
         if self._shared is not None:
             return self._shared.receive(timeout)
@@ -120,7 +120,7 @@ class Listener:
                 return
 
     def close(self) -> None:
-        """Give both ports back."""
+        """Close both ports."""
         self._opened.close()
 
     def __enter__(self) -> Self:
@@ -174,14 +174,14 @@ def listen(
     """Listen to both directions of a line between a host and an MCU, and send nothing: with two ports, one whose
     receiving wire is joined to each direction, or with one where both ends send on one line, as on RS-485.
 
-    On one line a frame is the end's whose messages it fits, by its id, its magic or ``match``; else the end's that its
-    address names; else a reply, where the frame before asked for it, or a request. ``Listener.untold`` says which
-    messages even that is not enough.
+    If both ends send on one line, a frame belongs to the end whose messages fit its id, its magic or ``match``; else to
+    the end that its address names; else it is a reply if the frame before asked for it, or a request.
+    ``Listener.untold`` has the messages for which even that is not enough.
 
     :param protocol: a protocol file's path, or a ``Codec``.
     :param host_port: the port that hears what the host sends; any that ``open`` takes.
     :param mcu_port: the port that hears what the MCU sends.
-    :param port: in place of these two, the one that hears both.
+    :param port: instead of these two, the one that hears both.
     :param baud: bits per second; default: the file's.
     :param wait_for_port: a port that cannot be opened at first is not an error.
     :returns: a listener; close it, or use it in a ``with`` block.

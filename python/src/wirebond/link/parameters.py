@@ -37,7 +37,7 @@ class Parameters:
     as a number or its digits. Each call waits for the MCU's answers.
 
     :param link: the link.
-    :param header: the frame's own named fields: whose parameters, where frames have addresses.
+    :param header: the frame's own named fields; where frames have addresses, they say whose parameters these are.
     """
 
     def __init__(self, link: Receiving, header: Mapping[str, Any] | None = None) -> None:
@@ -66,13 +66,13 @@ class Parameters:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """That the file has for them; none: the MCU's table has indices alone."""
+        """The names that the file gives them; empty: the MCU's table has indices alone."""
         return tuple(self._names)
 
     def list(self, progress: Progress | None = None, *, timeout: float = DEFAULT_TIMEOUT) -> dict[str, float]:
         """Read every parameter of the MCU, by name or index.
 
-        A table without names is read from index 0 on until the MCU says that there is no more, at most 256 of them.
+        A table without names is read from index 0 on until the MCU reports its end, at most 256 of them.
 
         :param progress: called as ``progress(done, all)`` after each; ``all`` is 0 where it is not known.
         :param timeout: seconds for each answer; each is asked three times at most.
@@ -114,11 +114,11 @@ class Parameters:
         return self._in_force(parameter, index, reply, None)
 
     def set(self, parameter: str | int, value: float, *, timeout: float = DEFAULT_TIMEOUT) -> float:
-        """Set it, and wait for the MCU's acknowledgement.
+        """Set one parameter, and wait for the MCU's acknowledgement.
 
         :param parameter: its name or index.
         :param value: of the type and within the range that the file gives it; the MCU has ranges of its own.
-        :param timeout: seconds for the answer. It is asked once: after a timeout the value may be set or not.
+        :param timeout: seconds for the answer. It is sent once: after a timeout the value may be set or not.
         :returns: the value in force now, as the MCU acknowledges it.
         :raises ParameterError: the MCU refuses it, with its reason; or there is no such parameter.
         :raises MessageError: the value is not of the type, or not within the range, of the file.
@@ -133,9 +133,9 @@ class Parameters:
     def set_all(
         self, values: Mapping[str, float], progress: Progress | None = None, *, timeout: float = DEFAULT_TIMEOUT
     ) -> dict[str, float]:
-        """Set all of them, or none. Names, types, the file's ranges, and that the MCU has each parameter are checked
-        before the first one is set. If the MCU then refuses a value or does not answer, those that were set get their
-        previous values back.
+        """Set all of these parameters, or none. Names, types, the file's ranges, and that the MCU has each parameter
+        are checked before the first one is set. If the MCU then refuses a value or does not answer, those that were set
+        get their previous values back.
 
         :param values: by name or index.
         :param progress: called as ``progress(done, all)`` after each that was set.
@@ -173,13 +173,13 @@ class Parameters:
     def save(
         self, path: str | Path, progress: Progress | None = None, *, timeout: float = DEFAULT_TIMEOUT
     ) -> dict[str, float]:
-        """Read all of them, and write them to a file: YAML or JSON, by its ending.
+        """Read all parameters, and write them to a file: YAML or JSON, by its ending.
 
         :param path: of the file, which is written whole or not at all.
         :param progress: as for ``list``.
         :param timeout: as for ``list``.
         :returns: what was written.
-        :raises RequestTimeoutError: the MCU does not answer; the file is as it was.
+        :raises RequestTimeoutError: the MCU does not answer; the file is unchanged.
         """
         kind = _kind(Path(path))
         values = self.list(progress, timeout=timeout)
@@ -194,9 +194,9 @@ class Parameters:
     def load(
         self, path: str | Path, progress: Progress | None = None, *, timeout: float = DEFAULT_TIMEOUT
     ) -> dict[str, float]:
-        """Set everything that a file has, or nothing, as ``set_all`` does.
+        """Set all parameters of a file, or none, as ``set_all`` does.
 
-        :param path: of a file that ``save`` wrote, or one like it, with some of the parameters.
+        :param path: of a file that ``save`` wrote, or a similar one with some of the parameters.
         :param progress: called as ``progress(done, all)`` after each that was set.
         :param timeout: as for ``list`` and ``set``.
         :returns: the values in force, as the MCU acknowledged them.

@@ -1,4 +1,4 @@
-"""The other end, by its hello: the file from which it was built. No thread, no port, no clock."""
+"""The other end as its hello describes it: the file from which it was built. No thread, no port, no clock."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class Peer:
     """Whether the MCU was built from the same file, as far as it is known.
 
     :ivar state: ``unknown``: it has not said hello since the port was opened, or the file maps no hello; ``same``: its
-        bytes mean what they mean here; ``different``: they may mean something else.
-    :ivar hash: the protocol hash that it said; None: unknown.
+        bytes have the same meaning as here; ``different``: they may have another.
+    :ivar hash: its protocol hash; None: unknown.
     :ivar version: of its hello service; None: unknown.
     :ivar since: when it first said this, after the port was opened or it restarted, on ``time.monotonic()``; or None.
     :ivar why: a sentence where the state is not ``same``: what is wrong, and what to do.

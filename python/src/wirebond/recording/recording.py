@@ -1,4 +1,4 @@
-"""A recording that is read: its raw chunks, its messages as an iterator or as columns, its events."""
+"""Reads a recording: its raw chunks, its messages as an iterator or as columns, its events."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ class Reads:
 
     :ivar ends: where each read ends in ``data``.
     :ivar times: when each began.
-    :ivar breaks: the port was away before the read of each of these indices.
-    :ivar expected: before the read of this index, the message of this index was asked for; None: not known.
+    :ivar breaks: indices of the reads before which the port was away.
+    :ivar expected: by index of a read, the index of the message that was requested before it; None: not known.
     """
 
     data: bytes
@@ -56,17 +56,17 @@ class Reads:
 class Recording:
     """A file of ``wirebond record``, or a raw capture. Times are seconds since its start. It does not change, even if
     another file takes its name; any thread may use it. Iteration and ``stats`` keep some MiB of the file in memory at a
-    time; ``raw`` and ``columns`` all that they return.
+    time; ``raw`` and ``columns`` keep all that they return.
 
-    :param path: of the file. One that was cut short or damaged is read as far as it goes; ``problems`` says what is
+    :param path: of the file. One that was cut short or damaged is read as far as possible; ``problems`` says what is
         lost.
-    :param protocol: a protocol file, or a codec, to decode with in the place of the recording's own. A raw capture has
-        none of its own: see `capture`.
+    :param protocol: a protocol file, or a codec, to decode with instead of the recording's own. A raw capture has none
+        of its own: see `capture`.
     :param progress: called as ``progress(done, size)``, in bytes of the file, while it is read.
     :ivar path: of the file.
     :ivar codec: the protocol.
     :ivar is_finished: False: it was not closed, or was cut short.
-    :ivar problems: what is lost, as sentences; empty where nothing is.
+    :ivar problems: what is lost, as sentences; empty if nothing is.
     :raises WirebondError: it is not a recording, or its protocol file is missing.
     :raises ProtocolFileError: the protocol file cannot be used.
     :raises OSError: it cannot be read.
@@ -133,12 +133,12 @@ class Recording:
 
     @property
     def protocol_hash(self) -> str:
-        """The hash of the protocol that it was recorded with, 16 hex digits; empty where the file does not say it."""
+        """The hash of the protocol that it was recorded with, 16 hex digits; empty if the file does not have it."""
         return self._about.get("hash", "")
 
     @property
     def is_capture(self) -> bool:
-        """It is a raw capture: what was received or sent, at times that the baud rate gives."""
+        """Whether it is a raw capture: received or sent bytes, with times computed from the baud rate."""
         return layout.CAPTURE in self._about
 
     @property
@@ -162,7 +162,7 @@ class Recording:
         return max([self._pieces.last, *(event.t for event in self.events[-1:])])
 
     def wall_ns(self, t: float) -> int:
-        """Return a moment by the wall clock of the computer that recorded it.
+        """Convert a time to the wall clock of the computer that recorded it.
 
         :param t: seconds since the start, such as ``message.t``.
         :returns: nanoseconds since 1970, in whole microseconds.
@@ -171,7 +171,8 @@ class Recording:
 
     @property
     def idle(self) -> float:
-        """Seconds of silence that ended an incomplete frame: the protocol's, and what the adapter may hold back."""
+        """Seconds of silence after which an incomplete frame was given up: the protocol's, and the adapter's
+        latency."""
         try:
             latency = float(self._about.get("adapter_latency", "0"))
         except ValueError:
@@ -222,7 +223,7 @@ class Recording:
             yield message
 
     def messages_of(self, sender: str | None = None) -> Iterator[tuple[str, Message]]:
-        """Yield the same, each with the end that sent it.
+        """Yield messages as ``messages`` does, each with the end that sent it.
 
         :param sender: as for ``messages``.
         :returns: an iterator of end and message.
@@ -257,8 +258,8 @@ class Recording:
         yield from ((last, end, m) for end, m in reading.finish())
 
     def columns(self, sender: str = "mcu", *, progress: Progress | None = None) -> Columns:
-        """Decode all messages of one end at once, without a Python object for each: as ``Codec.decode_columns``, and
-        each table has ``t``, the time of each row.
+        """Decode all messages of one end at once, without a Python object for each, as ``Codec.decode_columns`` does.
+        Each table has ``t``, the time of each row.
 
         :param sender: whose: ``"mcu"`` or ``"host"``.
         :param progress: called as ``progress(done, size)`` in bytes.
@@ -288,7 +289,7 @@ class Recording:
         """Return all bytes of one end, with the times at which they came.
 
         :param sender: whose: ``"mcu"`` or ``"host"``.
-        :returns: what ``columns`` decodes.
+        :returns: the bytes that ``columns`` decodes, with their times.
         :raises UsageError: another sender.
         """
         found = self._pieces.direction(self._kind(self.direction_of(sender)))
@@ -321,18 +322,17 @@ class Recording:
         direction: str | None = None,
         ends: threading.Event | None = None,
     ) -> int:
-        """Let it happen again, in the calling thread. A link that reads a recording is opened with the port
-        ``replay:run.mcap``.
+        """Play it back in the calling thread. To open a link that reads a recording, use the port ``replay:run.mcap``.
 
-        :param into: called with each chunk, whose times count from ``start``; or a link, which sends again what its end
-            sent, message by message.
+        :param into: called with each chunk, whose times count from ``start``; or a link, which sends the messages of
+            its end again.
         :param speed: 1: as it happened; 2: twice as fast; 0: as fast as possible.
-        :param start: from here on, in seconds since the start of the recording.
-        :param stop: up to here; None: to its end.
-        :param loop: again and again.
+        :param start: where to begin, in seconds since the start of the recording.
+        :param stop: where to end; None: at its end.
+        :param loop: True: begin again at the end.
         :param direction: ``"received"`` or ``"sent"``; None: both.
-        :param ends: ends it when it is set, from another thread.
-        :returns: how many chunks there were.
+        :param ends: an event; when another thread sets it, the playback ends.
+        :returns: the number of chunks.
         :raises UsageError: no such speed or section.
         """
         from wirebond.recording.replay import Section, replay  # noqa: PLC0415 it needs this module
