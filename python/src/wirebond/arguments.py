@@ -52,7 +52,7 @@ def real(name: str, value: object, expected: str) -> float:
 def whole(name: str, value: object, least: int, greatest: int, unit: str) -> int:
     """Return a whole number within bounds.
 
-    :raises UsageError: it is none, or out of its bounds.
+    :raises UsageError: it is not one, or out of its bounds.
     """
     try:
         number = None if isinstance(value, bool) else operator.index(value)  # type: ignore[arg-type]

@@ -1,7 +1,7 @@
 """Chinese sentences beside the English ones that the code makes.
 
 Pairs of sentences are in the files of ``translations/zh``. A pair is two lines, and an empty one follows it. ``{name}``
-stands for what differs from one sentence to the next, and is taken over as it is; ``{~name}`` for words that may have a
+stands for the words that differ from one sentence to the next, which are copied; ``{~name}`` for words that may have a
 pair of their own, and are translated if they have; ``{#name}`` for a whole number, and nothing else. Nothing is
 guessed: a sentence that has no pair stays English.
 """
@@ -58,7 +58,7 @@ class Pair:
 def read_pairs(text: str) -> list[Pair]:
     """Read the pairs of a table.
 
-    :raises ValueError: it is not a table, or a pair is none.
+    :raises ValueError: it is not a table, or a pair is incomplete.
     """
     pairs = []
     for number, block in enumerate(re.split(r"\n\s*\n", text.strip()), 1):

@@ -116,7 +116,7 @@ class NotInControlError(WirebondError):
 
 class StoppedByOtherError(WirebondError):
     """Another program stopped the robot, or the server was restarted since; the stop still holds.
-    ``release_stop(over=True)`` releases it all the same. ``by`` is the name of the program that stopped."""
+    ``release_stop(over=True)`` releases it nevertheless. ``by`` is the name of the program that stopped."""
 
     def __init__(self, text: str, by: str = "") -> None:
         super().__init__(text)

@@ -111,7 +111,7 @@ def peer_user(connected: socket.socket) -> int:
 def interrupt(process: subprocess.Popen[Any]) -> None:
     """Do to a process what Ctrl-C would; on Windows, where that reaches no process apart, end it.
 
-    :param process: one that stands an end at any moment.
+    :param process: one that may be ended at any moment.
     """
     if sys.platform == "win32":
         process.terminate()

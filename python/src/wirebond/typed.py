@@ -43,7 +43,7 @@ def load_matching(module: str, file: str | os.PathLike[str], expected: int) -> C
     """Return the protocol of ``file``, which is at this place as seen from the ``module``'s folder.
 
     :raises ProtocolFileError: the file is not there, or wrong.
-    :raises ProtocolMismatchError: its bytes mean something else than when the module was generated.
+    :raises ProtocolMismatchError: its bytes have another meaning than when the module was generated.
     """
     path = Path(os.path.normpath(Path(module).parent / file))
     codec = load(path)

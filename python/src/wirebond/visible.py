@@ -1,4 +1,4 @@
-"""Text of others, made safe to print: everything that could command a terminal or hide what is there is escaped."""
+"""Text of others, made safe to print: everything that could control a terminal or hide text is escaped."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ def write_whole(path: Path, content: str | bytes, *, new: bool = False, lasting:
     :param content: text is written as UTF-8.
     :param new: no file may be at ``path`` yet.
     :param lasting: wait until it is on the disk, so that it is whole after a power failure, too.
-    :raises FileExistsError: ``new``, and a file is there; it is left as it is.
+    :raises FileExistsError: ``new``, and the file exists; it is not changed.
     :raises OSError: with ``path`` as its ``filename``; nothing was changed, and no new file is left.
     """
     data = content.encode("utf-8") if isinstance(content, str) else content

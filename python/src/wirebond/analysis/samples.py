@@ -54,7 +54,7 @@ def asked(codec: Codec) -> Codec:
 
 
 def _frame(codec: Codec, message: Message, sender: End, generator: random.Random) -> bytes:
-    """Return a frame with values that it can carry: where delimiters stand around bytes that are not stuffed, not all
+    """Return a frame with values that it can carry: where delimiters enclose bytes that are not stuffed, not all
     can."""
     for _ in range(_ATTEMPTS):
         try:

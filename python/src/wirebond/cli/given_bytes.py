@@ -22,7 +22,7 @@ def given_bytes(source: str | None, hex_text: str | None, sender: str | None = N
     :param source: the path of a capture or of a recording, ``-`` for stdin, or the bytes as hex digits.
     :param hex_text: the bytes as hex digits.
     :param sender: whose bytes of a recording; without it those of the MCU.
-    :raises UsageError: not one of the two, or what should be hex digits is none.
+    :raises UsageError: neither of the two, or the text is not hex digits.
     :raises WirebondError: stdin cannot be read.
     :raises OSError: a file cannot be read.
     """

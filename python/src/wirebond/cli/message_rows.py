@@ -55,7 +55,7 @@ class Row:
 
 
 class MessageRows:
-    """A table of messages. No value is cut: what has no room in a line goes on in the next one."""
+    """A table of messages. No value is cut: a long one continues in the next line."""
 
     def __init__(self, rows: Sequence[Row]) -> None:
         self._rows = rows

@@ -35,7 +35,7 @@ def picture(console: Console, first: RenderableType | None = None) -> Iterator[C
 
 @contextmanager
 def _whole() -> Iterator[None]:
-    """Delay the first Ctrl-C until the end of this block. A second one acts at once: the terminal may accept no more
+    """Delay the first Ctrl-C until the end of this block. A second one acts at once: the terminal may no longer accept
     bytes."""
     asked = False
 

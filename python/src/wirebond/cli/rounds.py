@@ -23,7 +23,7 @@ def time_left(seconds: float | None) -> Iterator[float]:
 def paced(rate: float, seconds: float | None) -> Iterator[None]:
     """Yield ``rate`` times a second, at first at once: at 20 a second, half a second has ten rounds.
 
-    After a stall it goes on from there, without the rounds that it missed.
+    After a stall it continues from there, without the rounds that it missed.
     """
     due = time.monotonic()
     end = math.inf if seconds is None else due + seconds

@@ -82,7 +82,7 @@ class ByteRequests:
 def bytes_of(text: str) -> bytes:
     """Read hexadecimal digits, as people write them.
 
-    :raises RefusedError: they are none.
+    :raises RefusedError: they are not bytes.
     """
     digits = _SEPARATORS.sub("", text)
     if not _HEX.fullmatch(digits):

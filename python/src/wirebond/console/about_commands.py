@@ -1,4 +1,4 @@
-"""The HTTP request about who commanded what, and when."""
+"""The HTTP request for the record of commands: who gave each one, and when."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The console as an ASGI application: which path leads where, and who may go there."""
+"""The console as an ASGI application: its paths, and who may use them."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def application(
 
 
 class Guarded:
-    """Refuses what the guard refuses before anything else looks at it."""
+    """Refuses the requests that the guard refuses, before anything else sees them."""
 
     def __init__(self, app: ASGIApp, guard: Guard, visitors: Visitors) -> None:
         self._app = app

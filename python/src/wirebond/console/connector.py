@@ -67,10 +67,10 @@ class Connector:
 
         :param protocol: the path of one of the files that can be chosen; None and no ``text``: raw bytes, or the
             protocol of the recording that is replayed.
-        :param over: also where a program is in control of the link that is there.
+        :param over: also if a program is in control of the present link.
         :raises HeldError: a program is in control.
-        :raises WirebondError: the protocol or the port cannot be used; what was there goes on, unless its port is this
-            one.
+        :raises WirebondError: the protocol or the port cannot be used; the present link continues, unless its port is
+            this one.
         """
         self._must_be_allowed()
         port = port.strip()
@@ -86,7 +86,7 @@ class Connector:
                 self._station.connecting = None
 
     def disconnect(self, *, over: bool) -> None:
-        """Close the link that is there.
+        """Close the present link.
 
         :raises HeldError: a program is in control.
         """

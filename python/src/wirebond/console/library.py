@@ -25,7 +25,7 @@ _MOST_OPEN = 3
 
 
 class NoPortError(UsageError):
-    """The request needs a port, and there is none."""
+    """The request needs a port, and the console has none."""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Served:
-    """A link, who serves it, and what is kept of it."""
+    """A link, the server that serves it, and the history that is kept of it."""
 
     link: Link
     server: Server
@@ -46,7 +46,7 @@ class Station:
     def put(self, link: Link, server: Server, close: Callable[[], None] = lambda: None) -> None:
         """Serve this link from now on.
 
-        :param close: called when it is served no more, after the end of its history.
+        :param close: called when it is no longer served, after the end of its history.
         """
         self.clear()
         with self._lock:

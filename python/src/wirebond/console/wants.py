@@ -28,7 +28,7 @@ class Plot(msgspec.Struct):
 
 
 class OfRecording(msgspec.Struct):
-    """A recording in the place of the live link."""
+    """A recording instead of the live link."""
 
     recording: str
 
@@ -79,7 +79,7 @@ _decode = msgspec.json.Decoder(_Message).decode
 def read(text: str | bytes) -> Said:
     """Return a message of a client.
 
-    :raises UsageError: it is none, with a sentence.
+    :raises UsageError: it is invalid; the sentence says why.
     """
     try:
         said = _decode(text)

@@ -1,4 +1,4 @@
-"""The accounts of a link: what became of every frame that was offered, and of every byte that came."""
+"""The accounts of a link: the outcome of every frame that was offered, and of every received byte."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ class ClockSync:
         :param back: when the host had the reply.
         :param to_mcu: what the bytes of the request take on the line, in seconds; 0: that is not known.
         :param to_host: the same of the reply.
-        :returns: what became of it.
+        :returns: whether it was used, or why not.
         """
         self.exchanges += 1
         taken = (sent_us - received_us) % self._modulus * 1e-6

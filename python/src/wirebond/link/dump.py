@@ -1,4 +1,4 @@
-"""The last bytes of a link, read once more: frames, what was discarded and why. For a look after a fault."""
+"""The last bytes of a link, decoded again: frames, and discarded bytes with their causes. To examine a fault."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a message of the program to a frame that can leave: its bytes, its address, and who gives its number."""
+"""Makes a frame of a program's message: its bytes, its address, and whether the link numbers it."""
 
 from __future__ import annotations
 

@@ -103,7 +103,7 @@ class Handlers:
         self._recall()
 
     def remove(self, function: Callable[..., object]) -> bool:
-        """Call it no more. False: it was not called before."""
+        """Stop calling it. False: it was not registered."""
         with self._lock:
             removed = [h for h in (*self._of_messages, *self._of_deadlines) if h.function == function]
             for handler in removed:

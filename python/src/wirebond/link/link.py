@@ -419,11 +419,11 @@ class Link(Receiving):
     def rates(self, window: float = DEFAULT_WINDOW) -> Rates:
         """Return the recent rates by message compared with their schedule, losses, and line use. Any thread.
 
-        It compares the account with an earlier look at it; each call is a look, and so is the opening of the link. The
-        newest look that is at least ``window`` seconds old is taken, or the oldest. ``Rates.seconds`` says how long
+        It compares the account with an earlier one; each call keeps one, and so does the opening of the link. The
+        newest that is at least ``window`` seconds old is used, or the oldest. ``Rates.seconds`` says how long
         that is. A program that calls it once a second gets the last 2 to 3 seconds.
 
-        :param window: seconds, more than 0; looks older than a minute may be forgotten.
+        :param window: seconds, more than 0; accounts older than a minute may be gone.
         :returns: the rates, with the time that they are of.
         :raises UsageError: ``window`` is no such number.
         """

@@ -132,7 +132,7 @@ class Receiving:
         return _REPLAY_WAIT if self.port.startswith("replay:") else None
 
     def _has_ended(self) -> bool:
-        """Return whether a replay is over: no more messages will come, except those that have come."""
+        """Return whether a replay is over: no more messages will come, except those already received."""
         return self._longest_wait is not None and self._engine.state() == "down"
 
     # ---- the newest
@@ -171,7 +171,7 @@ class Receiving:
 
         One thread of the link calls all handlers, one after the other, in the order in which messages came and, for one
         message, in that of registration. What a handler raises is reported to ``logging`` (``"wirebond"``) and counted
-        (``stats.handler_errors``); the link goes on. A handler may call everything of the link. A message that has a
+        (``stats.handler_errors``); the link continues. A handler may call everything of the link. A message that has a
         handler is not given to a loop or to ``receive``. Any thread.
 
         :param message: a message of the MCU by its name, or its class of a generated module, whose objects the function
@@ -229,8 +229,8 @@ class Receiving:
         return add
 
     def off(self, function: Callable[..., object], /) -> None:
-        """Call this handler no more, of messages and of deadlines. A call that has begun goes on. A message that waited
-        for it alone goes to a loop or to ``receive``, perhaps after newer ones. Any thread.
+        """Stop calling this handler, for messages and for deadlines. A call that has begun continues. A message that
+        waited for it alone goes to a loop or to ``receive``, perhaps after newer ones. Any thread.
 
         :param function: what ``on``, ``on_log``, ``on_deadline`` or ``aio.on`` got.
         :raises UsageError: it is not a handler of this link.
@@ -306,7 +306,7 @@ class Receiving:
         :returns: the reply: a ``Message``, or an object of the generated module.
         :raises RequestTimeoutError: no reply came in time.
         :raises UsageError: the message has no ``reply``, or ``timeout`` is out of its range; or the message has a field
-            of the name of an option, which belongs into ``values``.
+            with the name of an option, which belongs in ``values``.
         :raises MessageError: a value is wrong, or the message is the MCU's to send.
         :raises StoppedError: an emergency stop holds the message.
         :raises LinkDownError: the port is away at the moment, or the link is closed.
@@ -345,7 +345,7 @@ class Receiving:
         fields: dict[str, Any],
         finish: Callable[[Outcome], None],
     ) -> Asked:
-        """Send a request; ``finish`` gets what comes of it."""
+        """Send a request; ``finish`` gets its outcome."""
         check_timeout(timeout)
         name, given = name_and_values(message, values, fields)
         own = self._frames.message(name)

@@ -1,6 +1,6 @@
 """Finds the request that a reply answers: by its message, its address, the fields that it repeats, and the order.
 
-No thread, no port: who sends notes what is asked, and who receives asks whose each message is.
+No thread, no port: the sender notes each request, and the receiver asks which request a message answers.
 """
 
 from __future__ import annotations

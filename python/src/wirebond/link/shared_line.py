@@ -1,4 +1,4 @@
-"""One line that carries what both ends send: who sent each frame. Bytes and times in, messages out; no port."""
+"""One line on which both ends send: decides who sent each frame. Takes bytes and times, gives messages; no port."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ class StopFile:
     def write(self, name: str) -> None:
         """Keep the stop. The file exists before anything is written to it, so it counts as a stop at every moment: if
         this program is killed in between, and also on a full disk, which has no space for the name. Another failure is
-        logged: the stop itself holds all the same."""
+        logged: the stop itself holds nevertheless."""
         if self._path is None or name == self._written:
             return
         try:

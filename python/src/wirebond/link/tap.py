@@ -93,7 +93,7 @@ class RunningRecorder(Protocol):
 
 
 class TapSource(Protocol):
-    """Whatever can be recorded: a link, and who speaks for one."""
+    """Whatever can be recorded: a link, or an object that stands for one."""
 
     codec: Codec
 

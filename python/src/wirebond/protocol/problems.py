@@ -39,7 +39,7 @@ class Problems:
         self._found.append(Problem(self.path, place.line, place.column, sentence))
 
     def stop(self, place: Place, sentence: str) -> NoReturn:
-        """Report a problem that leaves nothing to look at, with those found before it."""
+        """Report a problem that ends the reading, with those found before it."""
         self.add(place, sentence)
         raise self._error()
 

@@ -13,7 +13,7 @@ LEAST_BITS = 24  # a clock that wraps sooner is ambiguous after seconds
 
 
 def stamp_of(message: Message) -> Field | None:
-    """Return the field that says when the MCU measured the message's values; None: there is none."""
+    """Return the field with the time at which the MCU measured the message's values; None: there is none."""
     return next((field for field in message.fields if field.clock is not None), None)
 
 

@@ -14,7 +14,7 @@ _SIGNALLED = 130  # exit code after Ctrl-C
 
 def begin_closing(path: Path) -> subprocess.Popen[bytes]:
     """Return a process that closes it. Its exit code is 0 when it has, and SIGINT ends it, with the file as it was. It
-    goes on when its starter ends.
+    continues when its starter ends.
 
     :raises OSError: it cannot be started.
     """

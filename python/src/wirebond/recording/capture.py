@@ -44,7 +44,7 @@ def captured(path: Path) -> Iterator[bytes]:
     """Yield the bytes of a capture, some KiB at a time. A file that is called ``.hex`` or ``.txt`` has them as hex
     digits.
 
-    :raises UsageError: what should be hex digits is none.
+    :raises UsageError: the text is not hex digits.
     :raises OSError: it cannot be read.
     """
     if path.suffix not in _TEXT_ENDINGS:

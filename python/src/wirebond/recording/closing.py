@@ -1,4 +1,4 @@
-"""Closing a recording: chunks of a second, compressed, with the decoded messages, in the place of the file.
+"""Closing a recording: chunks of a second, compressed, with the decoded messages, which replace the file.
 
 The new file is written beside the old one and takes its name at the end: whoever stops this finds the old one whole.
 A recording has no index of its chunks. Readers in other languages find no message in a chunk whose messages are not

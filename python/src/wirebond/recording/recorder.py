@@ -26,7 +26,7 @@ Progress = Callable[[int, int], object]
 
 
 class Recorder:
-    """Records from its making to ``close``. The link goes on whatever happens to the file.
+    """Records from its creation to ``close``. The link continues whatever happens to the file.
 
     ``with link.record("run.mcap"):`` makes one. Any thread may read its counts.
 

@@ -211,7 +211,7 @@ def full_disk_sentence(error: OSError, path: Path) -> str:
 
 
 class RecordingEndedError(WirebondError):
-    """The file of a recording took no more."""
+    """The file of a recording could not be written any further."""
 
 
 def facts_of(link: Any) -> dict[str, str]:

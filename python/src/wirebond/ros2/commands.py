@@ -243,7 +243,7 @@ class Commands:
 
 
 def _bounds(fields: Iterable[Field]) -> dict[str, tuple[float, float]]:
-    """Return the finite values of each plain number. Most commands need no other look; the engine refuses what a type
+    """Return the finite values of each plain number. Most commands need no other check; the engine refuses what a type
     cannot hold."""
     return {
         f.name: (-_MOST if f.minimum is None else f.minimum, _MOST if f.maximum is None else f.maximum)

@@ -76,7 +76,7 @@ class Calls:
         return take
 
     def close(self) -> None:
-        """Answer no more."""
+        """Stop answering."""
         self._pool.shutdown(wait=False, cancel_futures=True)
 
 

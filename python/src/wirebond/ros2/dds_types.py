@@ -15,7 +15,7 @@ _AT_ONCE = 256  # endpoints
 
 
 class TypeWatch:
-    """Looks at the endpoints that were discovered since the last look."""
+    """Reads the endpoints that were discovered since the last call."""
 
     def __init__(self, participant: DomainParticipant, tell: Callable[[str], None]) -> None:
         self._tell = tell

@@ -34,7 +34,7 @@ class Failure:
         return threading.Thread(target=guarded, name=name, daemon=True)
 
     def handler(self, function: Callable[_Given, None]) -> Callable[_Given, None]:
-        """Wrap a function that a thread of somebody else calls, which goes on when it raises. For the bridge that is a
+        """Wrap a function that another thread calls, which continues when it raises. For the bridge that is a
         fault: what the function did not finish stays undone."""
 
         @wraps(function)

@@ -57,7 +57,7 @@ class HeldBack:
         self._unknown = set(self._rules)  # none of its messages was sent yet
 
     def look(self) -> None:
-        """Take what was sent since the last look, and log what has changed."""
+        """Take what was sent since the last call, and log the changes."""
         messages = self._messages()
         self._note(messages)
         before, self._struck = self._struck, {}

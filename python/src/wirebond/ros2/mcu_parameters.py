@@ -54,7 +54,7 @@ class McuParameters:
         self._thread.start()
 
     def close(self) -> None:
-        """Ask no more."""
+        """Stop asking."""
         self._link.off(self._handler)
         self._closed.set()
         if self._thread.is_alive():

@@ -126,7 +126,7 @@ class Node(Protocol):
 
     def canceller(self, action: str) -> Callable[[], None]:
         """Return a function that cancels all goals of this action, whose name is whole, where the adapter can. Before
-        ``start``; it does not wait, and does nothing where no such action is there."""
+        ``start``; it does not wait, and does nothing if there is no such action."""
         ...
 
     def log(self, level: str, text: str) -> None:
@@ -138,7 +138,7 @@ class Node(Protocol):
         ...
 
     def start(self) -> None:
-        """Start: all topics are there. Become visible to others, and begin to call."""
+        """Start: all topics exist. Become visible to others, and begin to call."""
         ...
 
     def close(self) -> None:

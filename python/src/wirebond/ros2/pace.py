@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 
 class Pace:
-    """To wake a thread costs more than a message. At a high rate each look finds all that came in ``gap`` seconds; no
+    """Waking a thread costs more than a message. At a high rate each read finds all that came in ``gap`` seconds; no
     message waits longer for it. What comes one or two at a time does not wait. One thread."""
 
     def __init__(

@@ -13,7 +13,7 @@ class Stalls:
     """Notices that the thread which takes messages was held up: by a SIGSTOP, a computer without a free core, a server
     that did not answer. A message does not say how long it waited; its stamp is of the clock of another computer.
 
-    One thread looks; any thread may ask.
+    One thread calls ``look``; any thread may ask.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -27,7 +27,7 @@ class Stalls:
         self._looked = self._clock()
 
     def look(self) -> None:
-        """Note that the thread runs. It calls this before each look for messages, at least ten times a second."""
+        """Note that the thread runs. It calls this before each search for messages, at least ten times a second."""
         now = self._clock()
         if now - self._looked > _OLDEST:
             self._lasted = now - self._looked

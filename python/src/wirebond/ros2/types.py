@@ -227,7 +227,7 @@ def _made(name: str, store: Typestore, own: dict[str, RosType]) -> RosType:
 
 
 def _without_char(described: Any) -> Any:
-    """Return the description of a field by rosbags, with ``uint8`` in the place of ``char``."""
+    """Return the description of a field by rosbags, with ``uint8`` instead of ``char``."""
     if isinstance(described, tuple):
         return tuple(_without_char(part) for part in described)
     return "uint8" if described == "char" else described

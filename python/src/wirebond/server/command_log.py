@@ -1,4 +1,4 @@
-"""Records who commanded what, and when: bounded, the oldest go first. One thread adds; others read."""
+"""Records each command, its sender and its time: bounded, the oldest go first. One thread adds; others read."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Command:
     """A command, or the same one given again and again.
 
     :ivar t: when it came first, and ``last``: for the last time; seconds on ``time.monotonic()``.
-    :ivar client: the number of who gave it, and ``name`` what that program calls itself.
+    :ivar client: the number of the client that gave it, and ``name`` the name that it gives itself.
     :ivar do: the word, as ``send`` or ``take``.
     :ivar message: the message's name; empty where the command has none.
     :ivar fields: as they were given; None: ``frame`` has them.

@@ -107,7 +107,7 @@ class Recordings:
     def mark(self, text: str, by: str = "") -> None:
         """Add an event ``mark`` with this text to every recording of the link, at this moment.
 
-        :param by: who says so.
+        :param by: the client that asks for it.
         :raises UsageError: the text is empty or too long.
         """
         if not text.strip() or len(text) > MOST_MARK:
@@ -140,13 +140,13 @@ class Recordings:
         return recorder is not None and bool(recorder.error)
 
     def end_failed(self) -> None:
-        """End a recording whose file took no more."""
+        """End a recording whose file cannot be written any further."""
         with self._lock:
             if self.has_failed:
                 self._end()
 
     def close(self) -> None:
-        """End what is being recorded. What is being compressed goes on in its own process."""
+        """End the recording that runs. Compression continues in its own process."""
         with self._lock:
             self._end()
             self._to_close.put(None)

@@ -1,6 +1,6 @@
-"""Rules for connections that have not shown who they are. No socket, no clock.
+"""Rules for connections that have not authenticated. No socket, no clock.
 
-Anyone who reaches a port can open connections that say nothing, or try tokens. They must not keep out a program that
+Anyone who reaches a port can open silent connections, or try tokens. They must not keep out a program that
 has the token, and they must not be many: each takes a file descriptor, and the serial port needs one, too.
 """
 

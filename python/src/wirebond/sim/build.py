@@ -51,7 +51,7 @@ def shipped(name: str) -> Path | None:
 
 
 def compile_once(program: Program, folder: Path) -> Path:
-    """Return the compiled program, in ``folder``; it is compiled unless one of the same sources is there.
+    """Return the compiled program, in ``folder``; it is compiled unless one of the same sources exists.
 
     :param program: what is compiled.
     :param folder: keeps it, with those of other states of the sources.

@@ -1,4 +1,4 @@
-"""Bit errors put into frames, and how many of the damaged frames the decoder delivers all the same.
+"""Bit errors put into frames, and how many of the damaged frames the decoder still delivers.
 
 Bits are numbered as a UART sends them: byte by byte, the lowest bit first. Each damaged frame has an intact one before
 and after it, so that the frame's own check is measured and not its neighbours' damage.

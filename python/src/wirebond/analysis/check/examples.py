@@ -124,7 +124,7 @@ def _part_at(protocol: Protocol, example: Example, index: int) -> str:
 
 
 def _parts(protocol: Protocol, example: Example) -> tuple[Part, ...]:
-    """Return the parts that are there with the example's header values."""
+    """Return the parts that exist with the example's header values."""
     fields = {field.name: field for field in header_fields(protocol.format.parts)}
     given = {name: fields[name].value.wire_bits(value) for name, value in example.header}
     both = zip(parts_of_forms(protocol.format.parts, example.sender), forms(protocol, example.sender), strict=True)

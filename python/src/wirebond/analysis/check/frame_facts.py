@@ -95,7 +95,7 @@ def wire_bytes(protocol: Protocol, sender: End, payload: int) -> int:
 def open_protocol(protocol: Protocol, sender: End, payload: int) -> Protocol | None:
     """Return the same frame format for a receiver without messages: it accepts any id, and any size up to ``payload``.
 
-    None where such a receiver cannot be: the id tells the size or seeds the check, or delimiters stand around bytes
+    None where such a receiver is impossible: the id determines the size or seeds the check, or delimiters enclose bytes
     that are not stuffed, so that not every content can be carried.
     """
     frame_format = protocol.format

@@ -42,7 +42,7 @@ def diagnose(link: Link, seconds: float = math.inf) -> list[Diagnosis]:
     second or two.
 
     :param link: an open one, or one that was just closed.
-    :param seconds: how far it looks back, so that ended faults are not reported; default: all bytes.
+    :param seconds: the time to examine up to now, so that past faults are not reported; default: all bytes.
         A reset loop is reported until the next reset is overdue.
     :returns: causes that the bytes speak for; one of kind ``unknown`` where something is wrong and none is found.
     """
@@ -65,7 +65,7 @@ def diagnose_dump(dump: Dump, baud: int, seconds: float = math.inf) -> list[Diag
 
     :param dump: what ``Link.dump`` gives.
     :param baud: the link's rate.
-    :param seconds: how far it looks back, as in ``diagnose``.
+    :param seconds: the time to examine up to now, as in ``diagnose``.
     :returns: as ``diagnose``.
     """
     resets = _resets(dump, seconds)

@@ -149,8 +149,8 @@ def _step_text(before: tuple[Part, ...], after: tuple[Part, ...], step: _Step) -
 
 
 def _with_step(old: Protocol, new: Protocol, step: _Step) -> Protocol | None:
-    """Return the old protocol with this one difference; None where no frame is left: what a check covers, where a frame
-    begins, or what tells a message is not there then."""
+    """Return the old protocol with this one difference; None if that is not a frame: the bytes that a check covers, the
+    start of a frame, or the part that identifies a message would be missing."""
     before, after = old.format.parts, new.format.parts
     named = [
         *((part, before) for part in before[: step.a]),

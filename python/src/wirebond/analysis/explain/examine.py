@@ -220,7 +220,7 @@ class _Examination:
                 self._rule(Question.CONDITION, None, holds, expected, found, Cause.LENGTH_OUT_OF_RANGE, extent)
 
     def _constant(self, index: int, start: int, extent: int) -> None:
-        """Check bytes or bits that cannot vary, each as soon as its byte is there."""
+        """Check bytes or bits that cannot vary, each as soon as its byte has come."""
         constant = self.shape.constants[index]
         if constant is None:
             return

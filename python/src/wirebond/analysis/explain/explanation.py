@@ -50,7 +50,7 @@ def explain(
     :param sender: whose bytes these are, ``"mcu"`` or ``"host"``; None: of either end.
     :param peers: other protocols, of which the bytes may be frames.
     :param quick: everything is tried on four stretches instead of eight, and of the checks that no catalogue lists
-        only those that take no time to work out. For a look at a link that runs.
+        only those that need no long computation. For a link that is running.
     :raises UsageError: another sender, or more bytes than can be explained at once.
     """
     if sender not in (None, End.MCU, End.HOST):

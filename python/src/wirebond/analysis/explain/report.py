@@ -77,7 +77,7 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True)
 class Stretch:
-    """Bytes with one fate. ``cause``: the decoder's word for what became of the candidate at its start; empty for
+    """Bytes with one outcome. ``cause``: the decoder's word for the outcome of the candidate at its start; empty for
     frames and fill. Later bytes may carry other causes: ``Explanation.discarded_bytes`` counts each by its own."""
 
     kind: Kind

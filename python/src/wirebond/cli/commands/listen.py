@@ -1,4 +1,4 @@
-"""``wirebond listen``: both directions of a line as they come, each message with who sent it."""
+"""``wirebond listen``: both directions of a line as they come, each message with its sender."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ def _write(port: PtyPort, chunk: Chunk) -> None:
 
 
 def _drain(port: PtyPort) -> None:
-    """Wait until the program has read everything, closes the pty, or reads no more: the line goes away with this
+    """Wait until the program has read everything, closes the pty, or stops reading: the line goes away with this
     process."""
     if sys.platform == "win32":
         return  # it has no ptys

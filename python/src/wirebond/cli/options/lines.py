@@ -1,4 +1,4 @@
-"""Commands that open a port, or look for one."""
+"""Commands that open a port, or search for one."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def listen(
         bool, typer.Option("--wait", help="Begin without the ports, and wait until they are there.")
     ] = False,
 ) -> None:
-    """Show both directions of a line, with ports that only receive: each message, and who sent it."""
+    """Show both directions of a line, with ports that only receive: each message with its sender."""
     from wirebond.cli.commands.listen import listen_to_both
 
     raise_from_here()

@@ -50,7 +50,7 @@ def write_template(path: Path, template: str, parts: Mapping[str, int] | None = 
     """Write a commented first file, named after ``path``.
 
     :param parts: what the robot has, as `parts_of` gives it; None: what is usual.
-    :raises UsageError: no such template, or it has no choice of parts, or a file is there already.
+    :raises UsageError: no such template, or it has no choice of parts, or the file exists already.
     :raises OSError: the file cannot be written.
     """
     write_new(path, template_text(template, protocol_name(path), parts))

@@ -13,7 +13,7 @@ from wirebond.whole_file import write_whole
 def write_new(path: Path, text: str) -> None:
     """Write ``text`` to a file that must not exist yet; its folder must.
 
-    :raises UsageError: a file is there already.
+    :raises UsageError: the file exists already.
     :raises OSError: the file cannot be written; none is left.
     """
     try:

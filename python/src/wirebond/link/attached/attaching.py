@@ -48,7 +48,7 @@ def name_of_program() -> str:
 
 
 def comes(event: threading.Event, seconds: float) -> bool:
-    """Wait so long for it. Time in which this process stood still counts as one look: the answer may have come
+    """Wait so long for it. Time in which this process was suspended counts as one check: the answer may have come
     in that time, and the thread that reads it has had none."""
     return any(event.wait(seconds / LOOKS) for _ in range(LOOKS))
 

@@ -210,7 +210,7 @@ class TakeTap(_Request, tag="take_tap"):
 
 
 class CloseTap(_Request, tag="close_tap"):
-    """Keep no more."""
+    """Stop keeping."""
 
     tap: int = 0
 

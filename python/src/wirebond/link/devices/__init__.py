@@ -1,4 +1,4 @@
-"""The serial ports of this machine: which there are, what they are called, who may open them. Opens none.
+"""The serial ports of this machine: their list, their names, who may open them. Opens none.
 
 >>> from wirebond.link.devices import resolve, serial_ports
 >>> [port.path for port in serial_ports()]  # doctest: +SKIP

@@ -39,7 +39,7 @@ class Keeper:
         self._thread.start()
 
     def close(self) -> None:
-        """Keep no more; what was kept stays. A second call does nothing."""
+        """Stop keeping; the kept values stay. A second call does nothing."""
         self._ends.set()
         self._thread.join(5.0)
 

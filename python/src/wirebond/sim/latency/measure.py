@@ -90,7 +90,7 @@ def measure(
     timeout: float,
     header: Mapping[str, Any],
 ) -> None:
-    """Ask, until ``count`` questions were asked or ``end`` is there. KeyboardInterrupt leaves ``into`` as it is then.
+    """Ask until ``count`` questions were asked or ``end`` has come. KeyboardInterrupt leaves ``into`` as it is then.
 
     :param rate: questions a second, if the answers come in time; the next one waits for the answer before it.
     :param end: on ``time.monotonic()``.

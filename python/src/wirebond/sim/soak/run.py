@@ -47,7 +47,7 @@ class Progress:
 
 
 def build(codec: Codec, mix: Mix, virtual: bool = True) -> Path:
-    """Return the program for this protocol; it is compiled unless it is there already.
+    """Return the program for this protocol; it is compiled unless it exists already.
 
     :raises WirebondError: there is no C++ compiler, or it fails.
     """

@@ -118,7 +118,7 @@ class WireProcess:
             return
 
     def account(self) -> dict[str, Any]:
-        """Return what has become of every byte so far, by direction. While it runs.
+        """Return the outcome of every byte so far, by direction. While it runs.
 
         :raises WirebondError: it has ended by itself.
         """
@@ -129,7 +129,7 @@ class WireProcess:
         return self._read_account()
 
     def end(self) -> dict[str, Any]:
-        """Stop it, and return what became of every byte, by direction.
+        """Stop it, and return the outcome of every byte, by direction.
 
         :raises WirebondError: it had ended by itself.
         """

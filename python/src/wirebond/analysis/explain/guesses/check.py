@@ -45,7 +45,7 @@ class _Failed:
 
     @property
     def is_value(self) -> bool:
-        """False: the check is sent as hex digits, and the received characters are none."""
+        """False: the check is sent as hex digits, and the received characters are not hex digits."""
         return not self.part.as_hex or all(byte in _HEX_DIGITS for byte in self.found)
 
     def covered(self, data: bytes, ranges: Ranges | None = None) -> bytes:

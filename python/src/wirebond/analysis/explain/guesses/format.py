@@ -203,7 +203,7 @@ def _with_length(case: Case, index: int, part: Part) -> Guess:
 def payload_sizes(case: Case) -> Guesses:
     """Guess another size of a fixed payload, nearest first: the firmware may have gained a field.
 
-    Between delimiters the size is there to be seen: see unknown_message.
+    Between delimiters the size is visible: see unknown_message.
     """
     at = payload_index(case.parts)
     own = _size_in_question(case, case.parts[at])

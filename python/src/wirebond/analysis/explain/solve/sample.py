@@ -9,7 +9,7 @@ LEAST_SAMPLES = 4  # that differ
 
 
 class Sample(NamedTuple):
-    """One frame's covered bytes and the number in the place of their check."""
+    """One frame's covered bytes and the number where their check is."""
 
     covered: bytes
     value: int

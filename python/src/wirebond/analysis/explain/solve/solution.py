@@ -28,7 +28,7 @@ class Solution:
 
 def solve(samples: Sequence[Sample], size: int, *, thorough: bool = True) -> Solution | None:
     """Return the check of ``size`` bytes that all the samples have, or all but one, which may be damaged; of several
-    the one that leaves least to chance. None where there is none. Pure.
+    the one that is least likely by chance. None if no one fits. Pure.
 
     :param thorough: also CRCs whose last steps hide their polynomial, and one damaged sample. That takes some seconds.
     """

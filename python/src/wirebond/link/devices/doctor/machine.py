@@ -32,7 +32,7 @@ class UsbFolder:
 class Machine:
     """The machine whose file system begins at `root`, as `user` sees it; default: the user of this process.
 
-    It is read when it is asked, once: make a new one for a new look.
+    Each fact is read once, when it is first needed: make a new one to read them again.
     """
 
     def __init__(self, root: Path = Path("/"), user: User | None = None) -> None:
