@@ -278,10 +278,10 @@ def test_nothing_of_a_file_stays_set_where_the_mcu_refuses_a_value(tmp_path: Pat
 @pytest.mark.parametrize(
     ("name", "text", "sentence"),
     [
-        ("a.yaml", "kp: 1\nkp: 2\n", r"a\.yaml:2:1: it cannot be read as YAML: found duplicate key"),
+        ("a.yaml", "kp: 1\nkp: 2\n", r"a\.yaml:2:1: it is not valid YAML: found duplicate key"),
         ("a.yaml", '1: 1\n"1": 2\n', r"a\.yaml: 1 is listed twice; remove one of them"),
         ("a.json", "\ufeff{", "it cannot be read as JSON: Expecting property name"),  # of Windows: what follows counts
-        ("a.yaml", "kp: [\n", r"a\.yaml:2:1: it cannot be read as YAML"),
+        ("a.yaml", "kp: [\n", r"a\.yaml:2:1: it is not valid YAML"),
         ("a.yaml", "- 1\n", "expected names and values, such as `kp: 1.5`"),
         ("a.yaml", "", "expected names and values"),
         ("a.yaml", "kp: fast\n", "nothing was set; 1 refused:\n  kp: set.value is 'fast'; expected a number"),
@@ -299,6 +299,6 @@ def test_a_file_that_cannot_be_used_is_a_sentence(tmp_path: Path, name: str, tex
     with linked(NAMED, mcu) as (link, _):
         with pytest.raises(ParameterError, match=sentence):
             link.parameters.load(path)
-        with pytest.raises(UsageError, match=r"a\.txt has no known ending; name a file such as a\.yaml"):
+        with pytest.raises(UsageError, match=r"a\.txt has an unknown ending; name a file such as a\.yaml"):
             link.parameters.load(path.with_suffix(".txt"))
     assert mcu.sets == 0

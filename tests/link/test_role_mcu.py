@@ -86,7 +86,7 @@ def test_it_sends_what_the_mcu_sends_and_hears_what_the_host_sends() -> None:
     with both(ROVER) as (_, mcu):
         with pytest.raises(MessageError, match="velocity is sent by the host, not by the mcu"):
             mcu.send("velocity")
-        with pytest.raises(UsageError, match="odometry is sent by the mcu; it never comes here"):
+        with pytest.raises(UsageError, match="odometry is sent by the mcu; it is never received here"):
             mcu.on("odometry")
         with pytest.raises(UsageError, match="no emergency stop was sent: the host sends it"):
             mcu.emergency_stop()

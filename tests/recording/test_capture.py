@@ -87,7 +87,7 @@ def test_bytes_of_the_host_are_the_sent_ones(tmp_path: Path) -> None:
 
 
 def test_without_a_protocol_a_sentence_asks_for_one(capture: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(WirebondError, match="say of which protocol a raw capture is"):
+    with pytest.raises(WirebondError, match="name the protocol of a raw capture"):
         recordings.open(capture)
     assert main(["info", str(capture)]) == 1
     assert "--protocol FILE" in capsys.readouterr().err

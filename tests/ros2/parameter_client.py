@@ -37,7 +37,7 @@ def main() -> None:
     caller = node.create_client(Trigger, "/axis/travel")
     assert caller.wait_for_service(PATIENCE)
     called = answer(caller.call_async(Trigger.Request()))
-    while "if it is still meant" in called.message:  # the node was held up, and the call may have waited
+    while "if it is still wanted" in called.message:  # the node was held up, and the call may have waited
         called = answer(caller.call_async(Trigger.Request()))
     print(json.dumps([called.success, called.message]))
 

@@ -174,7 +174,7 @@ def test_requests_that_waited_in_a_stall_are_refused_but_for_a_stop(link: FakeLi
     assert commands.send("velocity", {"linear": 0.0, "angular": 0.0})
     assert [values for _, values, _ in link.sent] == 2 * [{"linear": 0.0, "angular": 0.0}]
     assert commands.counts["refused"] == 3
-    why = "it may have waited while this node was held up for 3.0 s; publish it again if it is still meant"
+    why = "it may have waited while this node was held up for 3.0 s; publish it again if it is still wanted"
     assert said[0] == f"velocity was not sent: {why}"
     for _ in range(11):
         now[0] += 0.1

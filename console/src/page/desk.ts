@@ -139,7 +139,7 @@ export class Desk {
     if (typeof tick === "number" && this.age(tick) <= OLDEST_COMMAND) return;
     throw new RefusedError(
       "late",
-      `the command was under way for more than ${OLDEST_COMMAND} s; send it again if it is still meant`,
+      `the command was under way for more than ${OLDEST_COMMAND} s; send it again if it is still wanted`,
     );
   }
 
@@ -262,7 +262,7 @@ export class Desk {
     const submitted = this.clock.now();
     const leaveInTime = () => {
       if (model.is_controlled && (this.holder === null || this.clock.now() - submitted > OLDEST_COMMAND)) {
-        throw new RefusedError("late", `${name} waited for the replies to others; send it again if it is still meant`);
+        throw new RefusedError("late", `${name} waited for the replies to others; send it again if it is still wanted`);
       }
       leave();
     };

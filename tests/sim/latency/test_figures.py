@@ -45,7 +45,7 @@ def test_without_matplotlib_a_sentence_says_so_before_anything_is_measured(monke
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     with pytest.raises(UsageError, match=r"--plot needs matplotlib, which is not installed here; install it with"):
         drawing_for(Path("out.png"))
-    with pytest.raises(UsageError, match=r"out has no ending of a picture; write out\.png"):
+    with pytest.raises(UsageError, match=r"out does not end as a picture does; write out\.png"):
         drawing_for(Path("out"))
 
 

@@ -55,7 +55,7 @@ class ByteRequests:
         asked = await body_of(request, _Explain)
         data = bytes_of(asked.bytes)
         if not data:
-            raise RefusedError(422, "no_bytes", "there are no bytes to explain; give some, as `AA 55 01`")
+            raise RefusedError(422, "no_bytes", "there are no bytes to explain; give some, such as `AA 55 01`")
         if len(data) > _MOST_EXPLAINED:
             raise RefusedError(422, "too_long", f"these are {len(data)} bytes; give at most {_MOST_EXPLAINED}")
         sender = None if asked.sender is None else End(asked.sender)

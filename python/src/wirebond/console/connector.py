@@ -122,7 +122,7 @@ class Connector:
         if protocol is not None:
             known = {os.fspath(path): path for path in self.choices()}
             if protocol not in known:
-                raise UsageError(f"{protocol!r:.100} is none of the protocol files that can be chosen")
+                raise UsageError(f"{protocol!r:.100} is not among the protocol files that can be chosen")
             return load(known[protocol])
         if port == ROVER:
             from wirebond.sim import rover  # noqa: PLC0415 it needs the generator

@@ -320,7 +320,7 @@ def _whole(text: object) -> int | None:
 def _kind(path: Path) -> str:
     kind = _ENDINGS.get(path.suffix.lower())
     if kind is None:
-        raise UsageError(f"{path} has no known ending; name a file such as {path.stem or 'parameters'}.yaml or .json")
+        raise UsageError(f"{path} has an unknown ending; name a file such as {path.stem or 'parameters'}.yaml or .json")
     return kind
 
 
@@ -342,11 +342,11 @@ def _read_file(path: Path) -> dict[str, Any]:
     except MarkedYAMLError as error:
         mark = error.problem_mark
         place = f":{mark.line + 1}:{mark.column + 1}" if mark is not None else ""
-        raise ParameterError(f"{path}{place}: it cannot be read as YAML: {error.problem or error.context}") from None
+        raise ParameterError(f"{path}{place}: it is not valid YAML: {error.problem or error.context}") from None
     except (ValueError, YAMLError, RecursionError) as error:
         raise ParameterError(f"{path}: it cannot be read as {kind}: {str(error)[:200]}") from None
     if not isinstance(found, dict) or not found:
-        raise ParameterError(f"{path}: expected names and values, such as `kp: 1.5`, one a line")
+        raise ParameterError(f"{path}: expected names and values, such as `kp: 1.5`, one per line")
     named = {str(name): value for name, value in found.items()}
     if len(named) < len(found):  # `1` and `"1"` of YAML are one parameter
         twice = next(name for name, count in Counter(map(str, found)).items() if count > 1)

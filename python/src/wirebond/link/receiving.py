@@ -474,7 +474,7 @@ class Receiving:
         if name not in known and name != "unknown":
             raise UsageError(no_message(self.codec.name, name, known))
         if name in known and not known[name].sent_by(other(self._end)):
-            raise UsageError(f"{name} is sent by the {self._end}; it never comes here")
+            raise UsageError(f"{name} is sent by the {self._end}; it is never received here")
         return name
 
     def _sender_bits(self, header: Mapping[str, Any]) -> int:

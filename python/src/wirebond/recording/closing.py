@@ -42,7 +42,7 @@ def close_recording(path: Path, *, progress: Progress | None = None) -> None:
     """
     with path.open("rb") as file:
         if not lock(file.fileno()):
-            raise WirebondError(f"{path} is being recorded at the moment; end that first")
+            raise WirebondError(f"{path} is being recorded; stop the recording first")
         write_mcap(Recording(path), path, progress=progress)
 
 

@@ -73,6 +73,6 @@ class _Ends(Scan):
     def _chunk(self, found: bytes, begin: int, end: int) -> Iterator[Run]:
         self.contents.is_chunked = True
         if end - begin < 16:
-            raise DamagedError("it is shorter than it says")
+            raise DamagedError("it is shorter than its header says")
         self.last = max(self.last, *struct.unpack_from("<QQ", found, begin))
         yield from ()

@@ -75,7 +75,7 @@ def annotate(path: Path, text: str) -> None:
     descriptor = os.open(path, os.O_RDWR | BINARY)
     try:
         if not lock(descriptor) or not os.path.samestat(os.fstat(descriptor), path.stat()):
-            raise WirebondError(f"{path} is being recorded or closed at the moment; wait for its end")
+            raise WirebondError(f"{path} is being recorded or closed; wait until that has ended")
         _append(descriptor, path, record(METADATA, string(layout.NOTE) + strings(values)))
     finally:
         os.close(descriptor)

@@ -105,7 +105,7 @@ class Recording:
     def _own_codec(self) -> Codec:
         if not self.protocol_text:
             raise WirebondError(
-                f"{self.path} has no protocol file in it; say which one it is of: `--protocol FILE`, or in Python "
+                f"{self.path} has no protocol file in it; name its protocol: `--protocol FILE`, or in Python "
                 "protocol='FILE'"
             )
         try:

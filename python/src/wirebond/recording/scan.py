@@ -126,8 +126,8 @@ class Scan:
             if not self._search.leads_on(len(MAGIC)):
                 what = "is not an MCAP file, and a recording is one" if self.size else "is empty"
                 raise WirebondError(
-                    f"{source.path} {what}; name a file that `wirebond record` has written, or say of which protocol a "
-                    "raw capture is: `--protocol FILE`, or in Python protocol='FILE'"
+                    f"{source.path} {what}; name a file that `wirebond record` has written, or name the protocol of a "
+                    "raw capture: `--protocol FILE`, or in Python protocol='FILE'"
                 )
             self._problem("its first bytes are damaged")
         self._summary = read_summary(source)
@@ -296,7 +296,7 @@ class _Reader:
 
     def block(self, size: int) -> bytes:
         if size > self._end - self._at:
-            raise DamagedError("it is shorter than it says")
+            raise DamagedError("it is shorter than its header says")
         found = bytes(self._data[self._at : self._at + size])
         self._at += size
         return found
@@ -304,7 +304,7 @@ class _Reader:
     def end(self) -> None:
         """Note that the record ends here."""
         if self._at != self._end:
-            raise DamagedError("it is longer than it says")
+            raise DamagedError("it is longer than its header says")
 
     def text(self) -> str:
         return self.block(self.number("<I")).decode()
@@ -346,7 +346,7 @@ def _unpacked(compression: str, packed: bytes, size: int) -> bytes:
     except (zstandard.ZstdError, RuntimeError, ValueError, EOFError) as error:
         raise DamagedError(f"a chunk cannot be unpacked: {error}") from None
     if len(data) != size:
-        raise DamagedError("a chunk is not as large as it says")
+        raise DamagedError("a chunk's size is not that of its header")
     return data
 
 

@@ -43,4 +43,4 @@ class Stalls:
         return _WHY.format(self._lasted) if now < self._old_until else ""
 
 
-_WHY = "it may have waited while this node was held up for {:.1f} s; publish it again if it is still meant"
+_WHY = "it may have waited while this node was held up for {:.1f} s; publish it again if it is still wanted"

@@ -253,7 +253,7 @@ class Commands:
         if time.monotonic() - asked > words.OLDEST_COMMAND:
             raise LateCommandError(
                 f"the command waited for more than {words.OLDEST_COMMAND:g} s for the replies to others; send it again "
-                "if it is still meant"
+                "if it is still wanted"
             )
 
     def answered(self, client: Client, number: int, outcome: Message | Exception) -> None:

@@ -96,7 +96,7 @@ class ControlBook:
             return None
         return (
             f"the command was under way for more than {OLDEST_COMMAND:g} s (it had seen tick {tick}, and the "
-            f"server is at {self.ticks.newest}); look at the network, and send it again if it is still meant"
+            f"server is at {self.ticks.newest}); check the network, and send it again if it is still wanted"
         )
 
     def refuses(self, client: Hashable, tick: int, now: float) -> tuple[str, str] | None:

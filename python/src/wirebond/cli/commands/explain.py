@@ -37,7 +37,7 @@ def explain_bytes(path: Path, source: str | None, hex_text: str | None, sender: 
     codec = load(path)
     data = given_bytes(source, hex_text, sender)
     if not data:
-        raise UsageError('there are no bytes to explain; give some, as "AA 55 01"')
+        raise UsageError('there are no bytes to explain; give some, such as "AA 55 01"')
     data = _most_telling(codec, data, sender)
     explanation = explain(codec.model, data, codec.tables.sender_for(sender), _peers(path, codec.model))
     if as_json:

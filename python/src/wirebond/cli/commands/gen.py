@@ -81,7 +81,7 @@ def generate(
     model = load(path).model
     _validate_folder(out, amalgamate)
     if starter is not None and (existing := starter_path(out, starter.uart, language)).exists():
-        raise UsageError(f"{existing} exists already, and is left as it is; leave --starter out")
+        raise UsageError(f"{existing} exists already, and is not changed; leave --starter out")
     files = (AMALGAMATED if amalgamate else LANGUAGES)[language](model, out)
     for port in ports:
         files |= _port_files(port, language, amalgamate)
@@ -192,5 +192,5 @@ def _validate_folder(out: Path, amalgamate: bool) -> None:
             break
     if amalgamate and any((out / "wirebond").glob("*.hpp")):  # a port's headers are in folders of their own
         raise UsageError(
-            f"{out} has a generated folder, which cannot be included beside one header that has all; name another --out"
+            f"{out} has a generated folder, which cannot be included together with a single header; name another --out"
         )

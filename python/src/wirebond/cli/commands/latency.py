@@ -44,7 +44,7 @@ def measure_latency(
     """Measure, and return the exit code: 0 if an answer came, 1 if none did, 3 if the port was away at the end."""
     codec = load(path)
     if words and message is None:
-        raise UsageError("fields are those of --message; name the request")
+        raise UsageError("fields need --message; name the request")
     values: dict[str, Any] = {}
     if message is not None:
         codec.tables.reply_to(message)

@@ -292,7 +292,9 @@ def _host_and_port(text: str | None) -> tuple[str, int] | None:
     host, found, port = text.rpartition(":")
     host = host.removeprefix("[").removesuffix("]")
     if not found or not port.isdigit() or len(port) > 5 or int(port) > 65535:
-        raise UsageError(f"--tcp is {text!r:.80}; give HOST:PORT, such as 127.0.0.1:7000, or 0.0.0.0:7000 for all")
+        raise UsageError(
+            f"--tcp is {text!r:.80}; give HOST:PORT, such as 127.0.0.1:7000, or 0.0.0.0:7000 for all addresses"
+        )
     return host or "127.0.0.1", int(port)
 
 

@@ -59,11 +59,11 @@ def _verify(settings: Settings) -> None:
     if not 0 < settings.minutes <= _MOST_MINUTES:
         raise UsageError(f"--minutes {settings.minutes:g}: expected more than 0, and {_MOST_MINUTES:g} at most")
     if settings.jitter and not settings.virtual:
-        raise UsageError("--jitter is that of the simulated adapter of --virtual; in real time there is none")
+        raise UsageError("--jitter is for the simulated adapter of --virtual; add --virtual")
     if settings.jitter > BATCH:
         raise UsageError(f"--jitter {settings.jitter * 1e3:g}: expected at most {BATCH * 1e3:g} ms, the adapter's turn")
     if settings.unplugs and not settings.virtual:
-        raise UsageError("--unplug pulls the simulated adapter of --virtual; in real time there is none")
+        raise UsageError("--unplug is for the simulated adapter of --virtual; add --virtual")
     settings.verify()
     if settings.baud is not None:
         verify_baud(settings.baud)

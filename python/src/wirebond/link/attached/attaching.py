@@ -155,5 +155,5 @@ def _first(found: socket.socket, splitter: words.Splitter) -> tuple[dict[str, An
             kind, body = messages[0]
             answer = msgspec.json.decode(body) if kind == words.JSON else None
             if not isinstance(answer, dict) or answer.get("re") != 1:
-                raise ValueError("something else than an answer")
+                raise ValueError("something other than an answer")
             return answer, messages[1:]

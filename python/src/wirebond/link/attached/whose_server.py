@@ -32,8 +32,8 @@ def check_place(path: str) -> None:
             )
     if of_folder.st_mode & stat.S_IWOTH and not of_folder.st_mode & stat.S_ISVTX:
         raise ForeignServerError(
-            f"every user can replace the socket in {folder}, so a server there cannot be trusted; take the right to "
-            f"write from the others (`chmod o-w {folder}`), or choose a folder of yours"
+            f"every user can replace the socket in {folder}, so a server there cannot be trusted; remove the others' "
+            f"permission to write (`chmod o-w {folder}`), or choose a folder of yours"
         )
 
 

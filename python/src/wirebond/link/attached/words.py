@@ -61,7 +61,9 @@ class Splitter:
             while len(self._bytes) - at >= _HEAD.size:
                 size, kind = _HEAD.unpack_from(self._bytes, at)
                 if not 1 <= size <= self.most or kind not in (JSON, FRAMES):
-                    raise WrongStreamError(f"a message of {size} bytes and kind {kind}; at most {self.most} are taken")
+                    raise WrongStreamError(
+                        f"a message of {size} bytes and kind {kind}; at most {self.most} are accepted"
+                    )
                 if len(self._bytes) - at < size + 4:
                     break
                 body = bytes(memoryview(self._bytes)[at + _HEAD.size : at + 4 + size])

@@ -169,7 +169,7 @@ def _server(text: str, scheme: str) -> PortName:
     if not host:
         raise UsageError(f"{text} has no host; {wanted}")
     if not number:  # none, or 0
-        raise UsageError(f"{text} lacks the number of its TCP port; {wanted}")
+        raise UsageError(f"{text} has no TCP port number; {wanted}")
     if parts.path or parts.query or parts.fragment or parts.username or parts.password:
         raise UsageError(f"{text} has more than a host and a number; {wanted}")
     return PortName(text, host, str(number), scheme == "rfc2217")

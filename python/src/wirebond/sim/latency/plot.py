@@ -19,7 +19,7 @@ def drawing_for(path: Path) -> Any:
     :raises UsageError: it is not installed, or it cannot write such a file.
     """
     if path.suffix.lower() not in FORMATS:
-        raise UsageError(f"{path} has no ending of a picture; write {path.stem or 'out'}{FORMATS[0]}, or one of "
+        raise UsageError(f"{path} does not end as a picture does; write {path.stem or 'out'}{FORMATS[0]}, or one of "
                          f"{', '.join(FORMATS[1:])}")  # fmt: skip
     try:
         return importlib.import_module("matplotlib.figure")
