@@ -28,17 +28,22 @@ def account() -> str:
     return "\n".join([*found, *(_of_process(process) for process in descendants()[:_MOST])])
 
 
-def descendants() -> list[int]:
-    """The processes below this one; of a browser only its first."""
+def below(root: int) -> list[int]:
+    """Return the processes that this one has started, and those that they have started, without ended ones."""
     found: list[int] = []
-    left = [os.getpid()]
+    left = [root]
     while left:
         process = left.pop()
-        for task in Path(f"/proc/{process}/task").glob("*/children"):
+        for thread in Path(f"/proc/{process}/task").glob("*/children"):
             with contextlib.suppress(OSError):  # it has ended
-                left += [child for child in map(int, task.read_text().split()) if "--type=" not in _command(child)]
+                left += map(int, thread.read_text().split())
         found.append(process)
     return found[1:]
+
+
+def descendants() -> list[int]:
+    """Return the processes below this one; of a browser only its first."""
+    return [process for process in below(os.getpid()) if "--type=" not in _command(process)]
 
 
 def _of_process(process: int) -> str:

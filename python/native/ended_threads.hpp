@@ -24,7 +24,7 @@ class EndedThreads {
   }
 
   /// Let other threads sleep in `std::terminate` from now on, unless an exception is the reason. At exit.
-  static void end_of_interpreter() {
+  static void hold() {
     ending_thread_ = std::this_thread::get_id();
     before_ = std::set_terminate([] {
       if (std::this_thread::get_id() != ending_thread_ && !std::current_exception()) sleep();

@@ -215,7 +215,7 @@ void bind_link(nb::module_& m) {
              if (Link* const link = self.get()) link->close();  // a forked child has nothing to close
            })
       .def("after_fork", &LinkHandle::leave_in_child);
-  m.def("end_of_interpreter", &WithoutGil::end_of_interpreter);
+  m.def("hold_waiting_threads", &WithoutGil::hold_waiting_threads);
   m.def("settle_threads", &WithoutGil::settle);
   m.def("after_fork", &WithoutGil::after_fork);
 }

@@ -77,8 +77,8 @@ NB_MODULE(_engine, m) {
   m.attr("interface") = nb::make_tuple(interface_bytes, interface_shapes);
 
   translate_errors();
-  m.def("end_of_threads", &EndedThreads::end_of_interpreter);
-  nb::module_::import_("atexit").attr("register")(m.attr("end_of_threads"));
+  m.def("hold_ended_threads", &EndedThreads::hold);
+  nb::module_::import_("atexit").attr("register")(m.attr("hold_ended_threads"));
 
   nb::class_<ProtocolTable>(m, "ProtocolTable").def(nb::new_(&protocol_table), "table"_a);
   nb::class_<FormatTable>(m, "FormatTable").def(nb::new_(&format_table), "table"_a);

@@ -5,7 +5,7 @@ namespace wirebond::engine {
 
 /// No thread waits in the engine without the interpreter here, so its end and a fork need nothing.
 void bind_ports(nb::module_& m) {
-  m.def("end_of_interpreter", [] {});
+  m.def("hold_waiting_threads", [] {});
   m.def("settle_threads", [] {});
   m.def("after_fork", [] {});
 }

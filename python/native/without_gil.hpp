@@ -13,7 +13,7 @@ namespace wirebond::engine {
 /// The problem: a thread that waits in a link must not return to Python once the interpreter ends (ended_threads.hpp).
 ///
 /// The answer: a thread that waits in a `WithoutGil` when the interpreter ends stays there: it sleeps until the process
-/// is gone. `end_of_interpreter` waits for those that are on their way back.
+/// is gone. `hold_waiting_threads` waits for those that are on their way back.
 class WithoutGil {
  public:
   WithoutGil() {
@@ -33,7 +33,7 @@ class WithoutGil {
 
   /// Let no thread except the caller's return from its wait from now on. Wake the waiting threads, then call `settle`.
   /// With the GIL.
-  static void end_of_interpreter() {
+  static void hold_waiting_threads() {
     ending_thread_ = std::this_thread::get_id();
     ends_.store(true);
   }

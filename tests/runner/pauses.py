@@ -18,24 +18,10 @@ import sys
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
+
+from tests.processes import below
 
 BETWEEN = 0.5  # seconds from one pause to the next, at most
-
-
-def below(root: int) -> list[int]:
-    """Return the processes that this one has started, and those that they have started, without ended ones."""
-    found: list[int] = []
-    left = [root]
-    while left:
-        process = left.pop()
-        with suppress(OSError):  # it has ended
-            for thread in Path(f"/proc/{process}/task").iterdir():
-                with suppress(OSError):
-                    left += [int(child) for child in (thread / "children").read_text().split()]
-        if process != root:
-            found.append(process)
-    return found
 
 
 def pause(process: int, wait: Callable[[], object]) -> None:

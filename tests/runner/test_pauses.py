@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.runner.pauses import below, pause
+from tests.processes import below
+from tests.runner.pauses import pause
 from tests.shared import ROOT
 from tests.waiting import PATIENCE, wait_until
 

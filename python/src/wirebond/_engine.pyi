@@ -368,10 +368,10 @@ def port_latency_us(path: str, bytes_per_second: float, ttys: str = "/sys/class/
     :param ttys: the folder in which the system lists its ttys.
     """
 
-def end_of_threads() -> None:
+def hold_ended_threads() -> None:
     """Let daemon threads that the interpreter ends in the engine sleep until the process is gone. Called at exit."""
 
-def end_of_interpreter() -> None:
+def hold_waiting_threads() -> None:
     """From here on no other thread comes back from its wait in a link: it sleeps until the process is gone."""
 
 def settle_threads() -> None:

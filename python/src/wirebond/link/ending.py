@@ -59,7 +59,7 @@ def _close_all() -> None:
     """Close all links, because the interpreter ends: safe values leave. Threads that wait in a link do not return to
     Python, which no longer exists for them."""
     global _is_ending  # noqa: PLW0603 there is one end
-    _engine.end_of_interpreter()
+    _engine.hold_waiting_threads()
     with _open_links_lock:
         _is_ending = True
         links = list(_open_links)
