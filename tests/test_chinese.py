@@ -5,8 +5,10 @@ from __future__ import annotations
 import ast
 import errno
 import itertools
+import json
 import os
 import re
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,7 +17,7 @@ import pytest
 import wirebond
 from tests.shared import loaded
 from wirebond.analysis.explain.verdict import Cause
-from wirebond.chinese import SENTENCES, Table, chinese, read_pairs, with_chinese
+from wirebond.chinese import SENTENCES, Table, chinese, read_pairs, text_of, with_chinese
 from wirebond.codec import Codec
 from wirebond.generate.doc import chinese_document, markdown
 from wirebond.generate.doc.chinese import own_words
@@ -33,6 +35,7 @@ NOT_SHOWN = re.compile(
 )  # for programs and the command line, or before there is a page
 REFUSING = {"RefusedError", "refuse", "refusal", "_tell_error"}
 PAGE = ROOT / "console" / "src" / "page"
+PAGE_TABLES = (*SENTENCES, "page")
 NOT_SHOWN_BY_PAGE = {"it is not there"}  # caught where it is thrown
 FILES = sorted((ROOT / "protocols").rglob("*.yaml"))
 # Words of the notation, which Chinese documents have, too.
@@ -213,6 +216,50 @@ def test_a_sentence_within_a_sentence_is_translated_and_names_are_not() -> None:
         "move 没有发送：没有串口 is empty；请插上设备，或用 `ls /dev/tty*` 查看名称"  # noqa: RUF001
     )
     assert chinese("the battery is low, said the firmware") is None
+
+
+@pytest.mark.live  # it runs Node
+def test_a_page_without_a_server_finds_the_same_chinese() -> None:
+    table = Table(*PAGE_TABLES)
+    said = sorted(variants(table))
+    assert len(said) > 2000
+    program = """
+        import { readFileSync } from "node:fs";
+        const [root] = process.argv.slice(1);
+        const ts = (await import(`${root}/console/node_modules/typescript/lib/typescript.js`)).default;
+        const source = readFileSync(`${root}/console/src/chinese.ts`, "utf8");
+        const options = { target: ts.ScriptTarget.ESNext, module: ts.ModuleKind.ESNext };
+        const { outputText } = ts.transpileModule(source, { compilerOptions: options });
+        const { Chinese } = await import(`data:text/javascript,${encodeURIComponent(outputText)}`);
+        const { tables, said } = JSON.parse(readFileSync(0, "utf8"));
+        const page = new Chinese(tables);
+        console.log(JSON.stringify([...said, ...said].map((text) => page.find(text))));
+    """
+    done = subprocess.run(
+        ["node", "--input-type=module", "-e", program, str(ROOT)],
+        input=json.dumps({"tables": text_of(*PAGE_TABLES), "said": said}),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    found = json.loads(done.stdout)
+    expected = [table.find(text) for text in said]
+    assert found == expected * 2  # the second half may come from its memory
+    assert expected.count(None) < len(said) / 2 < len({each for each in expected if each})
+
+
+def variants(table: Table) -> set[str]:
+    """Return sentences of the tables with several values, one within another, cut short, or with a wrong number."""
+    inner = next(pair.literals[0] for pair in table.pairs if not pair.names)
+    found = {"", "nobody's sentence", "7", inner + inner}
+    for pair in table.pairs:
+        for values in (("7",), ("two words",), (inner,), ("\u00b2",), ("7", inner), (inner, "x 7"), ("",)):
+            parts = itertools.chain(
+                *itertools.zip_longest(pair.literals, itertools.islice(itertools.cycle(values), len(pair.names)))
+            )
+            text = "".join(part or "" for part in parts)
+            found |= {text, text[:-1], f" {text}"}
+    return found
 
 
 def test_a_twin_is_beside_each_sentence_that_has_one() -> None:

@@ -3,6 +3,7 @@
 // `{#name}` is a whole number. A sentence without a pair stays English.
 const LONGEST = 2000; // characters of a sentence
 const DEEPEST = 12; // sentences within one another
+const KEPT = 512; // answers: a page shows the same sentences again with each picture
 const PLACE = /\{([~#]?\w+)\}/;
 
 interface Pair {
@@ -14,6 +15,7 @@ interface Pair {
 export class Chinese {
   private readonly whole = new Map<string, string>();
   private readonly open: Pair[] = []; // those with the most words of their own first
+  private readonly kept = new Map<string, string | null>(); // the newest answers, the oldest first
 
   constructor(tables: string) {
     for (const block of tables.trim().split(/\n\s*\n/)) {
@@ -29,7 +31,17 @@ export class Chinese {
   }
 
   /** Returns the sentence in Chinese, or null if it has no pair. */
-  find(text: string, depth = 0): string | null {
+  find(text: string): string | null {
+    if (text.length > LONGEST) return null;
+    const kept = this.kept.get(text);
+    if (kept !== undefined) return kept;
+    const found = this.search(text, 0);
+    if (this.kept.size >= KEPT) this.kept.delete(this.kept.keys().next().value!);
+    this.kept.set(text, found);
+    return found;
+  }
+
+  private search(text: string, depth: number): string | null {
     if (text.length > LONGEST || depth > DEEPEST) return null;
     const known = this.whole.get(text);
     if (known !== undefined) return known;
@@ -46,7 +58,7 @@ export class Chinese {
   private filled(pair: Pair, values: Map<string, string>, depth: number): string {
     return pair.chinese.replace(new RegExp(PLACE, "g"), (_, name: string) => {
       const value = values.get(name)!;
-      return (name.startsWith("~") ? this.find(value, depth + 1) : null) ?? value;
+      return (name.startsWith("~") ? this.search(value, depth + 1) : null) ?? value;
     });
   }
 }

@@ -50,7 +50,7 @@ class Pair:
             found[name] = text[at:stop]
             at = stop + len(behind)
         found[self.names[-1]] = text[at:end]
-        if any(name.startswith("#") and not value.isdigit() for name, value in found.items()):
+        if any(name.startswith("#") and not (value.isascii() and value.isdigit()) for name, value in found.items()):
             return None
         return found
 
