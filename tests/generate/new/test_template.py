@@ -9,8 +9,9 @@ import pytest
 
 import wirebond
 from wirebond.analysis.check import Severity, lint
+from wirebond.cli.main import main
 from wirebond.errors import UsageError
-from wirebond.generate.new import PARTS, TEMPLATES, parts_of, template_text, write_template
+from wirebond.generate.new import PARTS, TEMPLATES, parts_of, shipped_formats, template_text, write_template
 from wirebond.generate.new.template import MOST_JOINTS
 from wirebond.generate.new.write import protocol_name
 from wirebond.protocol import loads
@@ -88,6 +89,30 @@ def test_frames_of_one_size_have_no_parts() -> None:
         template_text("fixed", "robot", parts_of("base"))
 
 
+@pytest.mark.parametrize("template", shipped_formats())
+def test_a_copy_of_a_public_format_is_that_format(tmp_path: Path, template: str) -> None:
+    path = tmp_path / "mine.yaml"
+    write_template(path, template)
+    copy, original = wirebond.load(path), wirebond.load(shipped_formats()[template])
+    assert (copy.name, copy.hash) == ("mine", original.hash)
+    with pytest.raises(UsageError, match=f"the template {template} has no choice of parts"):
+        template_text(template, "robot", parts_of("base"))
+
+
+def test_the_command_for_a_copy_is_the_one_that_identify_shows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["identify", "--hex", "59 59 2C 01 64 00 00 00 43 59 59 30 01 70 00 00 00 53"]) == 0
+    command = "wirebond new tfmini.yaml --template tfmini"
+    assert command in capsys.readouterr().out
+    assert main(command.split()[1:]) == 0
+    shown = capsys.readouterr().out
+    assert "tfmini.yaml: a copy of Wirebond's file for tfmini. Next:" in shown
+    assert "wirebond serve tfmini.yaml /dev/ttyUSB0 --web  # the device itself" in shown
+    assert wirebond.load("tfmini.yaml").name == "tfmini"
+
+
 def test_a_file_that_exists_is_left_as_it_is(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text("precious")
@@ -97,7 +122,7 @@ def test_a_file_that_exists_is_left_as_it_is(tmp_path: Path) -> None:
 
 
 def test_an_unknown_template_names_those_there_are(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="there are native, length, fixed"):
+    with pytest.raises(UsageError, match="there are native, length, fixed, and the formats"):
         write_template(tmp_path / "x.yaml", "nativ")
     assert list(tmp_path.iterdir()) == []
 

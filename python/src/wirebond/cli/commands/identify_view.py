@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from wirebond.analysis.identify.formats import Known
@@ -11,6 +12,7 @@ from wirebond.analysis.infer import Inference
 from wirebond.analysis.infer.unfitting import FEW_BYTES, look_at_unfitting
 from wirebond.cli.output import write
 from wirebond.cli.values import to_json
+from wirebond.generate.new import shipped_formats
 
 _MOST_SHOWN = 4
 _MOST_MESSAGES = 6
@@ -107,7 +109,10 @@ def verdict(candidates: Sequence[Candidate]) -> list[str]:
             f"{1 - best.frame_share:.0%} of the bytes lie in no frame. They may be messages that the file does not "
             "list, damaged frames, or another device."
         )
-    said.append(f"Use it: wirebond decode {best.format.model.path} CAPTURE, or wirebond monitor with a port.")
+    file = Path(best.format.model.path)
+    said.append(f"Use it: wirebond decode {file} CAPTURE, or wirebond monitor with a port.")
+    if (shipped := shipped_formats().get(file.stem)) is not None and shipped.resolve() == file.resolve():
+        said.append(f"To have the file in your folder: wirebond new {file.stem}.yaml --template {file.stem}")
     return said
 
 

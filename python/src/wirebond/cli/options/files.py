@@ -232,13 +232,20 @@ def new(
             help="Parts of the robot, separated by commas: base, joints=N, imu, battery. Default: base,imu,battery.",
         ),
     ] = None,
-    template: Annotated[str, typer.Option(help="Its frames: native (recommended), length or fixed.")] = "native",
+    template: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="Its frames: native (recommended), length or fixed. Or a public format, such as tfmini: the file is a "
+            "copy of Wirebond's.",
+        ),
+    ] = "native",
     port: Annotated[
         str | None,
         typer.Option(help="The robot's port, for the commands that are shown at the end, such as /dev/ttyACM0."),
     ] = None,
 ) -> None:
-    """Write a commented first protocol file for a robot of your own."""
+    """Write a commented first protocol file for a robot of your own, or a copy of a public format."""
     from wirebond.cli.commands.new import write_first_file
 
     raise_from_here()

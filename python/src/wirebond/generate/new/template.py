@@ -1,4 +1,5 @@
-"""The templates for a first protocol file, and how one becomes a user's own."""
+"""The templates for a first protocol file, and how one becomes a user's own. A format that comes with the package is a
+template, too."""
 
 from __future__ import annotations
 
@@ -6,6 +7,7 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
+from wirebond import paths
 from wirebond.errors import UsageError
 from wirebond.generate.new.write import protocol_name, write_new
 from wirebond.generate.templates import environment
@@ -46,9 +48,18 @@ def parts_of(text: str) -> dict[str, int]:
     return found
 
 
+def shipped_formats() -> dict[str, Path]:
+    """Return the protocol files that come with the package, by the names that ``wirebond identify`` prints. ``native`` is
+    left out: its template has a choice of parts."""
+    folder = paths.protocols()
+    files = sorted([*folder.glob("*.yaml"), *folder.glob("contrib/*.yaml")])
+    return {path.stem: path for path in files if path.stem not in TEMPLATES}
+
+
 def write_template(path: Path, template: str, parts: Mapping[str, int] | None = None) -> None:
     """Write a commented first file, named after ``path``.
 
+    :param template: one of `TEMPLATES`, or of `shipped_formats`, of which the file is a copy.
     :param parts: what the robot has, as `parts_of` gives it; None: what is usual.
     :raises UsageError: no such template, or it has no choice of parts, or the file exists already.
     :raises OSError: the file cannot be written.
@@ -62,14 +73,16 @@ def template_text(template: str, name: str, parts: Mapping[str, int] | None = No
     :param parts: as for `write_template`.
     :raises UsageError: no such template, or it has no choice of parts.
     """
-    if template not in TEMPLATES:
-        raise UsageError(f"there is no template '{template}'; there are {', '.join(TEMPLATES)}")
-    if template == "fixed":
+    files = {"fixed": _FOLDER / "fixed.yaml", **shipped_formats()}
+    if template not in TEMPLATES and template not in files:
+        raise UsageError(
+            f"there is no template {quoted(template)}; there are {', '.join(TEMPLATES)}, and the formats that "
+            "`wirebond identify` knows, such as tfmini"
+        )
+    if template in files:
         if parts is not None:
-            raise UsageError(
-                "frames of one size cannot have parts and services; leave them out, or take the template native"
-            )
-        return _renamed((_FOLDER / "fixed.yaml").read_text(encoding="utf-8"), name)
+            raise UsageError(f"the template {template} has no choice of parts; leave them out, or take native")
+        return _renamed(files[template].read_text(encoding="utf-8"), name)
     chosen = dict.fromkeys(USUAL, 1) if parts is None else parts
     return (
         environment(_FOLDER)
