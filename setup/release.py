@@ -26,6 +26,7 @@ from cyclonedx.model.license import DisjunctiveLicense, LicenseExpression
 from cyclonedx.output.json import JsonV1Dot6
 from packageurl import PackageURL
 from packaging.requirements import Requirement
+from packaging.utils import parse_wheel_filename
 
 ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / "build" / "release"
@@ -39,7 +40,7 @@ TAGS = (
     "cp312-abi3-win_amd64",
     "cp312-abi3-macosx_11_0_x86_64",
     "cp312-abi3-macosx_11_0_arm64",
-)  # how the names of the wheels go on after the version
+)  # that the wheels must have
 PAPERS = ("LICENSE", "README.md", "CHANGELOG.md", "SECURITY.md", "CODE_OF_CONDUCT.md", "CONTRIBUTING.md")
 # What packages call their licence in other words than SPDX does.
 SPDX = {
@@ -160,10 +161,11 @@ def source() -> list[str]:
 
 def wheels() -> list[str]:
     """Take a wheel for each kind of computer, of this version."""
-    found = [path.name for path in sorted(WHEELS.glob(f"wirebond-{version()}-*.whl"))]
-    for name in found:
-        shutil.copy(WHEELS / name, OUT)
-    return [f"no wheel for {tag}; run `make wheels`" for tag in TAGS if not any(f"-{tag}" in name for name in found)]
+    found = sorted(WHEELS.glob(f"wirebond-{version()}-*.whl"))
+    for path in found:
+        shutil.copy(path, OUT)
+    tags = {str(tag) for path in found for tag in parse_wheel_filename(path.name)[3]}
+    return [f"no wheel for {tag}; run `make wheels`" for tag in TAGS if tag not in tags]
 
 
 def site() -> list[str]:

