@@ -252,6 +252,10 @@ def test_wrong_protocol_files_are_refused_in_the_words_shown(block: Block) -> No
 def test_python_runs(page: Path) -> None:
     program: dict[str, object] = {"__name__": "__main__"}
     for block in blocks(page):
+        if block.language == "console":
+            for command, _ in commands(block):
+                if command.startswith("wirebond new "):  # it makes a file that the program reads
+                    run_command(*shlex.split(command)[1:])
         if block.language != "python":
             continue
         printed = io.StringIO()

@@ -85,7 +85,7 @@ def test_wrong_parts_are_a_sentence(has: str, sentence: str) -> None:
 
 
 def test_frames_of_one_size_have_no_parts() -> None:
-    with pytest.raises(UsageError, match="cannot have parts"):
+    with pytest.raises(UsageError, match="the template fixed has no choice of parts"):
         template_text("fixed", "robot", parts_of("base"))
 
 
@@ -99,11 +99,17 @@ def test_a_copy_of_a_public_format_is_that_format(tmp_path: Path, template: str)
         template_text(template, "robot", parts_of("base"))
 
 
+TFMINI = [
+    *("59 59 2C 01 64 00 00 00 43", "59 59 30 01 70 00 00 00 53"),
+    *("59 59 2E 01 6A 00 00 00 4B", "59 59 2B 01 61 00 00 00 3F"),
+]
+
+
 def test_the_command_for_a_copy_is_the_one_that_identify_shows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["identify", "--hex", "59 59 2C 01 64 00 00 00 43 59 59 30 01 70 00 00 00 53"]) == 0
+    assert main(["identify", "--hex", " ".join(TFMINI)]) == 0
     command = "wirebond new tfmini.yaml --template tfmini"
     assert command in capsys.readouterr().out
     assert main(command.split()[1:]) == 0
