@@ -251,7 +251,7 @@ def test_a_page_without_a_server_finds_the_same_chinese() -> None:
 def variants(table: Table) -> set[str]:
     """Return sentences of the tables with several values, one within another, cut short, or with a wrong number."""
     inner = next(pair.literals[0] for pair in table.pairs if not pair.names)
-    found = {"", "nobody's sentence", "7", inner + inner}
+    found = {"", "a sentence without a pair", "7", inner + inner}
     for pair in table.pairs:
         for values in (("7",), ("two words",), (inner,), ("\u00b2",), ("7", inner), (inner, "x 7"), ("",)):
             parts = itertools.chain(

@@ -165,7 +165,7 @@ def test_decode_of_refused_bytes_exits_with_1() -> None:
     ("arguments", "code", "sentence"),
     [
         (["decode", DIFFDRIVE], 2, "give bytes one way"),
-        (["decode", DIFFDRIVE, "--hex", "AA 5"], 2, "two digits a byte"),
+        (["decode", DIFFDRIVE, "--hex", "AA 5"], 2, "two digits per byte"),
         (["decode", DIFFDRIVE, "--hex", "GG"], 2, "'G' is not a hex digit"),
         (["decode", DIFFDRIVE, "--hex", "AA", "--sender", "me"], 2, "expected 'mcu' or 'host'"),
         (["decode", DIFFDRIVE, "/proc/nonexistent"], 1, "there is no such file or folder"),

@@ -143,7 +143,7 @@ def a_server() -> None:
         wirebond.open(f"wirebond://{DISK.parent / 'socket'}") as link,
     ):
         with room_for(0):
-            with pytest.raises(wirebond.UsageError, match=r"cannot record to .*: No space left on device; look at the"):
+            with pytest.raises(wirebond.UsageError, match=r"cannot record to .*: No space left on device; check the"):
                 link.recordings.start()
             assert not list((DISK / "kept").iterdir())
         with room_for(4 * PAGE):

@@ -205,7 +205,7 @@ def test_wrong_options_have_their_sentence(run: Path, tmp_path: Path, capsys: py
         (["--from", "soon"], 2, "seconds, such as 12.5s"),
         (["--from", "5", "--to", "1"], 2, "more than the start"),
         (["--out", "x.mcap"], 2, "--out goes with --into"),
-        (["--into", str(tmp_path)], 2, "no program"),
+        (["--into", str(tmp_path)], 2, "not a program that may be run"),
         (["--into", str(tmp_path / "none")], 2, "is not there"),
         (["--sender", "nobody"], 2, "expected 'mcu' or 'host'"),
     ):

@@ -134,7 +134,7 @@ def test_refusals_have_their_sentences(server: Server, tmp_path: Path) -> None:
         began = link.recordings.start()
         with pytest.raises(wirebond.UsageError, match=f"{began.name} is being recorded already"):
             link.recordings.start()
-        with pytest.raises(wirebond.UsageError, match="is being recorded or closed at the moment"):
+        with pytest.raises(wirebond.UsageError, match="is being recorded or closed; wait until"):
             link.recordings.annotate(began.name, "too early")
         for name in ("no.mcap", "../socket", f"../kept/{began.name}", "a\0.mcap", ""):
             with pytest.raises(wirebond.UsageError, match="there is no recording"):

@@ -103,8 +103,8 @@ class Stats:
     :ivar bytes: all received bytes.
     :ivar frames: delivered frames.
     :ivar unknown_frames: of these, frames whose message the protocol does not have.
-    :ivar foreign_frames: of these, frames for another address, and replies from an address that was not asked: nobody
-        gets them.
+    :ivar foreign_frames: of these, frames for another address, and replies from an address that was not asked: they
+        are not delivered.
     :ivar foreign_bytes: bytes in such frames; they are in ``frame_bytes``, too.
     :ivar frame_bytes: bytes in delivered frames.
     :ivar fill_bytes: delimiters between frames.

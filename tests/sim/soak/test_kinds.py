@@ -142,7 +142,7 @@ def test_unplug_that_makes_no_sense_is_refused(text: str, capsys: pytest.Capture
 
 def test_unplug_needs_virtual_time(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["soak", "--unplug", "1:1"]) == 2
-    assert "--unplug pulls the simulated adapter of --virtual" in " ".join(capsys.readouterr().err.split())
+    assert "--unplug is for the simulated adapter of --virtual" in " ".join(capsys.readouterr().err.split())
 
 
 def test_times_of_unplugging_are_those_of_the_seed() -> None:

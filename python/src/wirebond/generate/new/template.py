@@ -49,8 +49,8 @@ def parts_of(text: str) -> dict[str, int]:
 
 
 def shipped_formats() -> dict[str, Path]:
-    """Return the protocol files that come with the package, by the names that ``wirebond identify`` prints. ``native`` is
-    left out: its template has a choice of parts."""
+    """Return the protocol files that come with the package, by the names that ``wirebond identify`` prints. ``native``
+    is left out: its template has a choice of parts."""
     folder = paths.protocols()
     files = sorted([*folder.glob("*.yaml"), *folder.glob("contrib/*.yaml")])
     return {path.stem: path for path in files if path.stem not in TEMPLATES}
