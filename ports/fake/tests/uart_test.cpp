@@ -23,7 +23,7 @@ using Bytes = std::vector<std::uint8_t>;
 
 namespace {
 
-/// Two lines of 1 Mbaud 8N1, a UART on them, and a handler that writes down what it is called for.
+/// Two lines of 1 Mbaud 8N1, a UART on them, and a handler that logs its calls.
 struct Bench {
   Line in{1'000'000, 10};
   Line out{1'000'000, 10};
@@ -321,7 +321,7 @@ TEST_CASE("memory out of the DMA's reach is reported") {
 
 namespace {
 
-/// Sends what it received, as soon as it may.
+/// Sends received bytes back, as soon as possible.
 struct Echo {
   Uart& uart;
   std::array<std::uint8_t, 64> ring{};

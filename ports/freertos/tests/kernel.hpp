@@ -1,4 +1,4 @@
-// The double's kernel: which context runs, what time it is, and when a task would wait.
+// The double's kernel: the context that runs, the time, and when a task would wait.
 #pragma once
 
 #include "task.h"

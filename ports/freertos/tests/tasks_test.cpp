@@ -1,4 +1,4 @@
-// The tasks on the double of the kernel: when they poll, what wakes them, and in which context the port is called.
+// The tasks on the double of the kernel: when they poll, when they wake, and in which context the port is called.
 #include "wirebond/freertos/tasks.hpp"
 
 #include <doctest/doctest.h>

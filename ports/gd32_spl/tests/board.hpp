@@ -18,11 +18,11 @@ class Board {
   Board(const Board&) = delete;
   Board& operator=(const Board&) = delete;
 
-  /// Whether a line error interrupts is what the port left in the USART's control register.
+  /// The port's setting in the USART's control register decides whether a line error interrupts.
   void run(wirebond::fake::Time until);
   /// How often the data register was read while reception ran and the line was not idle.
   std::uint64_t taken_bytes() const;
-  /// The channel does not stop when it is told to.
+  /// The channel does not stop on command.
   void hang(dma_channel_enum channel);
 
   // the interrupts that the hardware's events lead to

@@ -1,4 +1,4 @@
-// The double's functions: registers and flags, and the UART of fake/ behind them.
+// The double's functions: registers and flags, and the UART of fake/ that they control.
 #include "gd32f30x.h"
 
 #include <array>

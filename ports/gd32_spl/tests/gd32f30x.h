@@ -1,5 +1,5 @@
 // A test double of the vendor's library: the names that the port uses, as the vendor's user guide describes them.
-// Behind them stands the UART of fake/.
+// They control the UART of fake/.
 #pragma once
 
 #include <cstdint>

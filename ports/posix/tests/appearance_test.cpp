@@ -13,7 +13,7 @@ using wirebond::posix::Appearance;
 
 namespace {
 
-/// A new folder, which is removed at the end with what lies in it.
+/// A new folder, which is removed at the end with its content.
 class Folder {
  public:
   Folder() {

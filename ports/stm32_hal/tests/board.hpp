@@ -19,10 +19,10 @@ class Board {
   Board(const Board&) = delete;
   Board& operator=(const Board&) = delete;
 
-  /// Whether a line error ends reception is what the port left in the UART's control register.
+  /// The port's setting in the UART's control register decides whether a line error ends reception.
   void run(wirebond::fake::Time until);
 
-  // what the vendor's interrupt handlers do with the hardware's events
+  // the actions of the vendor's interrupt handlers on the hardware's events
   void on_received();
   void on_transmitted();
   void on_error();

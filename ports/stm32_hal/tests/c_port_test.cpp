@@ -1,4 +1,4 @@
-// The port in C on the double of the HAL: what it has beside the port in C++, whose tests drive the same calls.
+// The port in C on the double of the HAL: its additions to the port in C++, whose tests drive the same calls.
 #include "stm32f4xx_hal.h"
 
 #if USE_HAL_UART_REGISTER_CALLBACKS != 1  // its calls are the same then

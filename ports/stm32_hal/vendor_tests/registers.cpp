@@ -173,7 +173,7 @@ void Board::on_pended() {
   obey();
 }
 
-// ---- what the drivers call of the rest of the HAL
+// ---- functions of the rest of the HAL that the drivers call
 
 extern "C" {
 

@@ -1,5 +1,5 @@
-// Registers of USART3 and DMA1 in this machine's memory: the vendor's HAL writes them as those of an STM32F407, and the
-// simulated UART of fake/ lives behind them. Interrupts are calls of the HAL's handlers.
+// Registers of USART3 and DMA1 in this machine's memory: the vendor's HAL writes them as those of an STM32F407, and
+// they control the simulated UART of fake/. Interrupts are calls of the HAL's handlers.
 #pragma once
 
 #include <cstdint>
@@ -12,11 +12,11 @@ extern UART_HandleTypeDef huart3;
 /// What a project's handler of the UART does before the HAL's. The test defines it.
 void usart3_pended();
 
-/// One at a time. The HAL keeps addresses in 32 bits: the program must be linked below 4 GiB, and what it sends and
-/// receives must be static.
+/// One at a time. The HAL keeps addresses in 32 bits: the program must be linked below 4 GiB, and the memory
+/// that it sends and receives must be static.
 class Board {
  public:
-  /// 2 Mbaud 8N2, as CubeMX initialises it. Line errors are left to the HAL and the port, which are what is tested.
+  /// 2 Mbaud 8N2, as CubeMX initialises it. Line errors are left to the HAL and the port, which are tested here.
   explicit Board(wirebond::fake::Uart& uart);
   ~Board();
   Board(const Board&) = delete;
@@ -37,7 +37,7 @@ class Board {
   void pend() { uart_.pend(); }
   std::uint32_t baud_divider() const;
 
-  // what the hardware raises
+  // the hardware's interrupts
   void on_received();
   void on_transmitted();
   void on_error();

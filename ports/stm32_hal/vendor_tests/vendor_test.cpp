@@ -1,4 +1,4 @@
-// The port on the vendor's own HAL: its UART and DMA drivers, on registers that a simulated UART lives behind.
+// The port on the vendor's own HAL: its UART and DMA drivers, on registers that control a simulated UART.
 #include <doctest/doctest.h>
 
 #include <array>

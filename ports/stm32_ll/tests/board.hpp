@@ -1,4 +1,4 @@
-// A board with one UART for the tests: registers in memory, the simulated UART behind them, and the interrupts.
+// A board with one UART for the tests: registers in memory, the simulated UART that they control, and the interrupts.
 #pragma once
 
 #include <cstdint>
@@ -25,7 +25,7 @@ class Board {
   /// Idle events that the port ended, by a read of the data register.
   int idles_ended() const { return idles_ended_; }
 
-  // what the hardware raises
+  // the hardware's interrupts
   void on_received();
   void on_transmitted();
   void on_error();

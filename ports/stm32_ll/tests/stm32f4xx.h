@@ -1,6 +1,6 @@
 // A test double of the vendor's device header: the registers and bits that the port uses, as RM0090 (chapters 10 and
-// 30) describes them. Behind them stands the UART of fake/. In C there are the names alone, for what a user writes: the
-// port's own file in C is compiled as C++ here, so that the double sees each access.
+// 30) describes them. They control the UART of fake/. In C there are only the names, for a user's code: the port's own
+// file in C is compiled as C++ here, so that the double sees each access.
 #pragma once
 
 #include <stdint.h>
@@ -17,7 +17,7 @@ class FlagRegister {
   uint32_t bits = 0;
 };
 
-/// A read of it behind the status ends what the status said, and may take a byte away from the DMA.
+/// A read of it after the status clears the errors in the status, and may take a byte away from the DMA.
 class DataRegister {
  public:
   operator uint32_t() const {
