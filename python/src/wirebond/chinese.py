@@ -28,7 +28,7 @@ _FOLDER = Path(__file__).parent / "translations" / "zh"
 
 @dataclass(frozen=True)
 class Pair:
-    """One English sentence, cut at its places, and the Chinese one."""
+    """An English sentence, cut at its places, and the Chinese one."""
 
     literals: tuple[str, ...]  # one more than names
     names: tuple[str, ...]

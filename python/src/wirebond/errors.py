@@ -97,7 +97,8 @@ class QueueFullError(WirebondError):
 
 
 class RequestTimeoutError(WirebondError, TimeoutError):
-    """No reply to a request came in time. ``message`` was asked, ``reply`` was expected, within ``timeout`` seconds."""
+    """No reply to a request came in time. ``message`` is the request, ``reply`` the expected reply, ``timeout`` the
+    time in seconds."""
 
     def __init__(self, text: str, message: str, reply: str, timeout: float) -> None:
         super().__init__(text)

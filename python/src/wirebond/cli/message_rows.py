@@ -36,7 +36,7 @@ class Widths:
 
 @dataclass(frozen=True)
 class Row:
-    """One message.
+    """A message.
 
     :ivar values: where it has fields to show.
     :ivar units: of the values that have one, by path.

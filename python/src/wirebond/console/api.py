@@ -1,4 +1,4 @@
-"""All HTTP requests of the console that are not the page's files."""
+"""The HTTP requests of the console, except for the page's files."""
 
 from __future__ import annotations
 

@@ -113,7 +113,7 @@ class Console:
 
     @property
     def address(self) -> str:
-        """For a browser on this computer, with the token after ``#``."""
+        """The address for a browser on this computer, with the token after ``#``."""
         host = self._host
         if host in ("", "0.0.0.0"):  # noqa: S104 it is compared
             host = "127.0.0.1"

@@ -53,7 +53,7 @@ async def views(socket: WebSocket, visitors: Visitors, station: Station, library
 
 
 class _Views:
-    """In the loop's thread, but for the rounds."""
+    """Used in the loop's thread, except for the rounds."""
 
     def __init__(self, socket: WebSocket, viewer: Viewer) -> None:
         self._socket = socket

@@ -42,7 +42,7 @@ class _Shown(msgspec.Struct):
 
 
 class _Message(msgspec.Struct):
-    """One message of a client."""
+    """A message of a client."""
 
     views: dict[str, Any] | None = None
     token: str = ""
@@ -52,7 +52,7 @@ class _Message(msgspec.Struct):
 
 @dataclass(frozen=True)
 class Views:
-    """All that a client wants now.
+    """The views that a client wants now.
 
     :ivar wishes: of each view of `VIEWS` that it wants, what it wants of it.
     """
@@ -65,7 +65,7 @@ class Views:
 
 @dataclass(frozen=True)
 class Said:
-    """One message of a client, checked."""
+    """A message of a client, checked."""
 
     views: Views | None
     token: str

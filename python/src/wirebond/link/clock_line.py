@@ -54,7 +54,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class ClockLine:
-    """One MCU's clock. Any thread.
+    """An MCU's clock. Any thread.
 
     :ivar modulus: microseconds after which the MCU's clock wraps.
     :ivar began: the host's time of the first exchange with this clock.

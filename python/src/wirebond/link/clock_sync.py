@@ -65,7 +65,7 @@ class ClockReading:
 
 
 class ClockSync:
-    """One MCU's clock. One thread at a time.
+    """An MCU's clock. One thread at a time.
 
     :param bits: after which the MCU's microseconds wrap.
     :raises UsageError: they wrap too soon.

@@ -39,7 +39,7 @@ class DumpEntry:
 
 @dataclass(frozen=True)
 class Piece:
-    """One read, one write, or what the port did: ``received``, ``sent``, ``port_up``, ``port_down``, ``port_collision``
+    """A read, a write, or an event of the port: ``received``, ``sent``, ``port_up``, ``port_down``, ``port_collision``
     or ``port_settings``, which another program had changed."""
 
     t: float

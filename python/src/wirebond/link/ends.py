@@ -43,7 +43,7 @@ def own_address_field(codec: Codec, end: End = End.HOST) -> tuple[HeaderField, i
 
 
 class Receiver:
-    """For whom a frame of this end is, by its header values."""
+    """The receiver of a frame of this end, by its header values."""
 
     def __init__(self, codec: Codec, end: End) -> None:
         self._format = codec.tables.format_for(end)

@@ -19,7 +19,7 @@ RawPiece = tuple[str, int, int, bytes]  # kind, start and end of a read, bytes
 
 
 class Engine(Protocol):
-    """One supervised port, or the connection to a server that has one."""
+    """A supervised port, or the connection to a server that has one."""
 
     # ---- sending
 

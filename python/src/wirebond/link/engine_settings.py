@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class SafeValue(NamedTuple):
-    """One message of the emergency stop. Messages are indices in the protocol."""
+    """A message of the emergency stop. Messages are indices in the protocol."""
 
     message: int
     frame: bytes
@@ -25,7 +25,7 @@ class SafeValue(NamedTuple):
 
 
 class EngineDeadline(NamedTuple):
-    """One deadline at the link's end."""
+    """A deadline at the link's end."""
 
     message: int
     after_us: int

@@ -1,4 +1,4 @@
-"""From a finished frame to the engine, and from the engine's answer to an exception."""
+"""Gives finished frames to the engine, and converts its answers to exceptions."""
 
 from __future__ import annotations
 

@@ -61,8 +61,8 @@ class Latest(NamedTuple, Generic[_T_co]):
 
 
 class Inbox:
-    """All that a link received and that is not taken. Any thread may call it. It knows no ``Link``, so that a link
-    can become garbage while the thread runs.
+    """The received messages of a link that are not taken yet. Any thread may call it. It knows no ``Link``, so that a
+    link can become garbage while the thread runs.
 
     :param place: the port, for sentences.
     :param end: the one that the link plays.

@@ -73,7 +73,7 @@ def say_missed(place: str, missed: int) -> None:
 
 
 class LineLimit:
-    """At most a number of lines a second. One thread at a time.
+    """Limits the lines per second. One thread at a time.
 
     :param most: lines that pass within a second.
     """

@@ -393,7 +393,7 @@ def _unlock(port: Any) -> None:
 
 
 class _LatencyTimer:
-    """As the engine's: the timer of an FTDI adapter, before and after the opening."""
+    """Like the engine's: the timer of an FTDI adapter, before and after the opening."""
 
     def __init__(self, root: Path, port: str) -> None:
         self._path = root / "sys/bus/usb-serial/devices" / Path(port).resolve().name / "latency_timer"

@@ -58,7 +58,7 @@ class Question:
 
 
 class RequestBook:
-    """All that was asked and not answered. Any thread.
+    """The requests that are not answered yet. Any thread.
 
     :param codec: the protocol.
     :param end: the one that asks.

@@ -20,7 +20,7 @@ NOTE_BYTES = 4096  # of one noted event, as JSON
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """One read or one write of the port.
+    """A read or a write of the port.
 
     :ivar t: seconds on ``time.monotonic()`` when it was done.
     :ivar before: of a read: when it began, which is the ``t`` of the messages that it completed; of a write ``t``.
@@ -56,7 +56,7 @@ RawPiece = tuple[str, int, int, bytes]  # kind, when a read began and when it wa
 
 @dataclass(frozen=True, slots=True)
 class RawTaken:
-    """As `Taken`, without an object for each piece."""
+    """Like `Taken`, without an object for each piece."""
 
     pieces: Sequence[RawPiece]
     lost_pieces: int

@@ -6,7 +6,7 @@ from enum import StrEnum
 
 
 class Counted(StrEnum):
-    """What a counter counts."""
+    """The meaning of a counter."""
 
     RECEIVED = "received"  #: frames that came whole
     BYTES = "bytes"  #: received bytes that were refused

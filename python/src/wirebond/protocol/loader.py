@@ -1,4 +1,4 @@
-"""From a protocol file to the model: the order of the steps, and nothing of what each one does."""
+"""Loads a protocol file into the model: the order of the steps, without their work."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ class FormChoice:
 
 @dataclass(frozen=True)
 class Form:
-    """One shape that a frame can take: fixed bytes, the payload, fixed bytes; places are counted from either end."""
+    """A shape that a frame can take: fixed bytes, the payload, fixed bytes; places are counted from either end."""
 
     prefix: int
     suffix: int

@@ -1,5 +1,5 @@
-"""In which version an MCU sends, where a format has several: the one whose magics have the same parts as the magic that
-came."""
+"""The version in which an MCU sends, if a format has several: the one whose magics have the same parts as the received
+magic."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class Packed:
 
 
 class McapWriter:
-    """One file, from its beginning to ``finish``. Messages go either one by one, or in chunks.
+    """A file, from its beginning to ``finish``. Messages go either one by one, or in chunks.
 
     :param chunk: bytes of a chunk before compression; 0: no chunks.
     :param span_ns: a chunk has only messages that were logged within so long after its first one; None: any.

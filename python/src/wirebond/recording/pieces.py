@@ -67,7 +67,7 @@ class Pieces:
 
 @dataclass(frozen=True)
 class Direction:
-    """All reads, or all writes: their bytes, and where each one ends.
+    """The reads, or the writes: their bytes, and the end of each.
 
     :ivar breaks: the port was away before the read of each of these indices.
     """

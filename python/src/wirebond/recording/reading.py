@@ -59,7 +59,7 @@ _NO_PLACES, _NO_SENDERS = np.zeros(0, np.uint32), np.zeros(0, np.uint8)
 
 
 class Reading:
-    """From the first piece to the last. One thread at a time.
+    """Reads from the first piece to the last. One thread at a time.
 
     :param sender: whose messages are wanted; None: of both ends.
     :param keep: False: messages are only counted.

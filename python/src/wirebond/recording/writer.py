@@ -47,7 +47,7 @@ class _Batch:
 
 
 class RecordingWriter:
-    """One new file. One thread at a time, but for ``sync``. Times are seconds of the clock that the pieces have.
+    """A new file. One thread at a time, but for ``sync``. Times are seconds of the clock that the pieces have.
 
     :param path: of a file that does not exist yet.
     :param started: when the recording begins, on that clock.

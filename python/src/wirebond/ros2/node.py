@@ -54,7 +54,7 @@ class Parameter:
 
 
 class Publisher(Protocol):
-    """One topic that the node publishes. Any thread."""
+    """A topic that the node publishes. Any thread."""
 
     def publish(self, values: Mapping[str, Any]) -> None:
         """Send one message. What the values cannot be is the caller's mistake."""

@@ -1,4 +1,4 @@
-"""From wheel ticks to a pose: arithmetic alone, and the messages of ROS 2 for it."""
+"""Computes a pose from wheel ticks: only arithmetic, and the messages of ROS 2 for it."""
 
 from __future__ import annotations
 

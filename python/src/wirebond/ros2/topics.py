@@ -1,4 +1,4 @@
-"""From messages to topics, as a mapping says: what the bridge publishes, and what a bag holds. No link."""
+"""Converts messages to topics by a mapping, for the bridge and for bags. No link."""
 
 from __future__ import annotations
 

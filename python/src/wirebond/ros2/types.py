@@ -31,7 +31,7 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True)
 class RosField:
-    """One field of a message type.
+    """A field of a message type.
 
     :ivar base: the primitive type of its element, such as ``float64``; empty where the element is a message.
     :ivar of: the type of the element where it is a message.
@@ -47,7 +47,7 @@ class RosField:
 
     @property
     def spelled(self) -> str:
-        """As a .msg file writes it: ``float64[36]``, ``geometry_msgs/Point``."""
+        """The type in a .msg file's notation: ``float64[36]``, ``geometry_msgs/Point``."""
         element = self.base or (self.of.short if self.of is not None else "")
         return element + {Kind.ONE: "", Kind.ARRAY: f"[{self.count}]", Kind.SEQUENCE: "[]"}[self.kind]
 
@@ -66,13 +66,13 @@ class RosType:
 
     @property
     def short(self) -> str:
-        """As people write it: ``geometry_msgs/Twist``."""
+        """The name as people write it: ``geometry_msgs/Twist``."""
         package, _, name = self.name.split("/")
         return f"{package}/{name}"
 
     @property
     def dds_name(self) -> str:
-        """As DDS knows it: ``geometry_msgs::msg::dds_::Twist_``."""
+        """The name in DDS: ``geometry_msgs::msg::dds_::Twist_``."""
         package, room, name = self.name.split("/")
         return f"{package}::{room}::dds_::{name}_"
 

@@ -1,4 +1,4 @@
-"""One client of a server: its connection, what it may have waiting, and its first message."""
+"""A client of a server: its connection, what it may have waiting, and its first message."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _NAME_CHARACTERS = 80
 
 
 class Client(asyncio.Protocol):
-    """In the loop's thread alone."""
+    """Used only in the loop's thread."""
 
     def __init__(self, server: Owner) -> None:
         self._server = server

@@ -60,7 +60,7 @@ _OK: dict[str, Any] = {"ok": None}
 
 
 class Commands:
-    """In the loop's thread alone."""
+    """Used only in the loop's thread."""
 
     def __init__(self, server: Owner) -> None:
         self._server = server

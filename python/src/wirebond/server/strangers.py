@@ -59,7 +59,7 @@ class Strangers(Generic[_T]):
 
 
 class WrongTokens:
-    """How long a wrong token waits for its answer.
+    """The delay of the answer to a wrong token.
 
     The first token of an address is answered at once. After a wrong one each wrong one waits. If the server's token is
     short, so that it could be guessed, the right one waits, too, and each that waits keeps one of the few connections

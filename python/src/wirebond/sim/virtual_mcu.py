@@ -420,7 +420,7 @@ class VirtualMcu:
 
 
 class _Addressing:
-    """For whom a frame of the host is, and which header values an answer has."""
+    """The receiver of a frame of the host, and the header values of an answer."""
 
     def __init__(self, codec: Codec, played: tuple[int | str, ...]) -> None:
         asks, answers = plan_for(codec.model, End.HOST), plan_for(codec.model, End.MCU)

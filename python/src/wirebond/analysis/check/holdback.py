@@ -30,7 +30,7 @@ _FAR_MORE = 4  # times the bound of this file's own receiver
 
 @dataclass(frozen=True)
 class HoldBack:
-    """One direction, in bytes that must come after the false header before a good frame there is delivered.
+    """A direction, in bytes that must come after the false header before a good frame there is delivered.
 
     ``unbounded_bytes`` is the same for a receiver that believes any length; None where the frame has no length.
     ``checked`` : the header has a check of its own, so that only one that passes it by chance holds anything back.

@@ -35,7 +35,7 @@ class Load:
 
 @dataclass(frozen=True)
 class Budget:
-    """One direction. ``capacity`` in bytes a second."""
+    """A direction. ``capacity`` in bytes a second."""
 
     sender: End
     capacity: float

@@ -26,7 +26,7 @@ _LONGEST_SEGMENT = 4096  # random bytes between two zeros are longer with a chan
 
 @dataclass(frozen=True)
 class Noise:
-    """One direction. ``expected`` is worked out from the format, a million bytes; None where no formula is at hand."""
+    """A direction. ``expected`` is worked out from the format, a million bytes; None where no formula is at hand."""
 
     sender: End
     bytes: int

@@ -1,4 +1,4 @@
-"""All rules over one protocol: the findings, worst first, and every figure they are based on."""
+"""Applies all rules to one protocol: the findings, worst first, and every figure they are based on."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ _HOST_RUN = 0.001  # seconds of line that the host hands over at once; at the MC
 
 @dataclass(frozen=True)
 class UrgentWait:
-    """One direction. A run that was begun leaves first: frames that take no longer than ``max_run_seconds``, or a
+    """A direction. A run that was begun leaves first: frames that take no longer than ``max_run_seconds``, or a
     single longer one."""
 
     sender: End

@@ -24,7 +24,7 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """One cause that the bytes speak for.
+    """A cause that the bytes support.
 
     :ivar kind: which, for programs.
     :ivar sentence: what is wrong.

@@ -103,7 +103,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Change:
-    """One difference between two files. ``place`` leads to it in the new file, or in the old one where it is gone."""
+    """A difference between two files. ``place`` leads to it in the new file, or in the old one where it is gone."""
 
     what: str  # ``velocity.linear``, ``frame``, ``link``
     sentence: str

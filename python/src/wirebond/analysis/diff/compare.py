@@ -15,7 +15,7 @@ from wirebond.protocol.model import ByteOrder, End, Field, HeaderField, Match, P
 
 @dataclass(frozen=True)
 class Comparison:
-    """All changes, worst first, in the order of the files."""
+    """The changes, worst first, in the order of the files."""
 
     old: Protocol
     new: Protocol

@@ -73,7 +73,7 @@ def _envelope_text(frame_format: FrameFormat) -> str:
 
 @dataclass(frozen=True)
 class _Step:
-    """One difference between the lists of parts: ``old[a:b]`` became ``new[c:d]``."""
+    """A difference between the lists of parts: ``old[a:b]`` became ``new[c:d]``."""
 
     a: int
     b: int

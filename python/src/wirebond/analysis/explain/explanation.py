@@ -1,4 +1,4 @@
-"""From bytes to an explanation: the stretches of a stream, each with its rows, rules and nearest explanations."""
+"""Explains bytes: the stretches of a stream, each with its rows, rules and nearest explanations."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ class Context:
 
 @dataclass(frozen=True)
 class PartWords:
-    """One kind of part.
+    """A kind of part.
 
     :ivar content: what it has in every frame; of the part with this index.
     :ivar meaning: what its bytes mean, which are all there.

@@ -34,7 +34,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Applied:
-    """One rule of the format, as applied."""
+    """A rule of the format, as applied."""
 
     rule: str
     expected: str
@@ -99,7 +99,7 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Explanation:
-    """Every byte that was given, in order, in exactly one stretch."""
+    """All given bytes in order, each in exactly one stretch."""
 
     protocol: str
     sender: str | None

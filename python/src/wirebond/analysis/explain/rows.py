@@ -1,4 +1,4 @@
-"""Every byte of a frame, or of what was taken for one, under a name."""
+"""The bytes of a frame or a candidate, each with a name."""
 
 from __future__ import annotations
 

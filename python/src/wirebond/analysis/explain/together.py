@@ -46,7 +46,7 @@ def _exactly(k: int, n: int, p: float) -> float:
 
 
 class Stream:
-    """All that was given, as the file reads it, beside what it is by a guess. One thread."""
+    """All given bytes, as the file reads them and as a guess reads them. One thread."""
 
     def __init__(self, data: bytes, before: Scan) -> None:
         self._data = data

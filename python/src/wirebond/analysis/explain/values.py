@@ -29,7 +29,7 @@ from wirebond.visible import visible
 
 @dataclass(frozen=True)
 class Reading:
-    """One field of a payload, or one element of a field that repeats its fields. ``value`` is what the Python API
+    """A field of a payload, or one element of a field that repeats its fields. ``value`` is what the Python API
     gives. ``data`` is empty for a value among the bits of a number: the number around it has the bytes."""
 
     field: Field

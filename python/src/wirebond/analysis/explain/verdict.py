@@ -44,7 +44,7 @@ class Question(StrEnum):
 
 @dataclass(frozen=True)
 class Rule:
-    """One rule that was applied. ``part`` indexes the verdict's parts; None: the frame as a whole."""
+    """A rule that was applied. ``part`` indexes the verdict's parts; None: the frame as a whole."""
 
     question: Question
     part: int | None

@@ -18,7 +18,7 @@ from wirebond.protocol.planning import expecting, plan_for, told_by_request
 
 @dataclass(frozen=True)
 class View:
-    """One way to read a format: as bytes of ``sender``; ``knows``: its frames are of messages that the file lists."""
+    """A way to read a format: as bytes of ``sender``; ``knows``: its frames are of messages that the file lists."""
 
     codec: Codec
     sender: End

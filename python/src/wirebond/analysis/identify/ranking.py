@@ -1,4 +1,4 @@
-"""Every format tried on one stream, ranked by its evidence. Bytes in, candidates out: no file, port or clock."""
+"""Tries every format on one stream, and ranks them by their evidence. No file, port or clock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""From bytes of an unknown format to a first protocol file: how frames are cut, and which check they have."""
+"""Writes a first protocol file for bytes of an unknown format: where frames begin and end, and which check they
+have."""
 
 from wirebond.analysis.infer.inference import Inference, infer
 

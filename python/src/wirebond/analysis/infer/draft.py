@@ -30,7 +30,7 @@ class Draft:
 
 @dataclass(frozen=True)
 class _Line:
-    """One part: its bytes from ``at`` on, its name, as the file has it, and why."""
+    """A part: its bytes from ``at`` on, its name, as the file has it, and why."""
 
     at: int
     size: int

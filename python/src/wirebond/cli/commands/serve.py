@@ -57,7 +57,7 @@ class Serving:
 
 @dataclass(frozen=True)
 class _Served:
-    """One link, and who may attach to it."""
+    """A link, and who may attach to it."""
 
     link: Link
     server: Server

@@ -30,7 +30,7 @@ class Scene:
 
 
 class View(ABC, Generic[W]):
-    """One view of one client, from when it wants it until it wants it otherwise or not at all. One thread at a time."""
+    """A view of one client, from its request until the client changes or ends it. One thread at a time."""
 
     wish: ClassVar[Any] = bool  # the type of a client's wish; false and null: it does not want the view
 

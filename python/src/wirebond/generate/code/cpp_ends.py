@@ -125,7 +125,7 @@ def _deadline_view(protocol: Protocol, end: End) -> DeadlineView:
 
 @dataclass(frozen=True)
 class VersionsView:
-    """In which version an MCU answers."""
+    """The version in which an MCU answers."""
 
     place: int  # of the header field that holds the magic
     of_form: tuple[int, ...]  # by the form of a frame of the host

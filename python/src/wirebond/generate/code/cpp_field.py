@@ -1,4 +1,4 @@
-"""One value of a message as C++: its type, its first value, and the lines that write, read, validate and clamp it."""
+"""A value of a message as C++: its type, its first value, and the lines that write, read, validate and clamp it."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class Constant:
 
 @dataclass(frozen=True)
 class Member:
-    """One field of a message type.
+    """A field of a message type.
 
     :ivar type: of one element, as a .msg file writes it: ``float64``, ``std_msgs/Header``, ``WheelState``.
     :ivar count: of an array: its elements; None: a sequence. 0: one value.
@@ -73,7 +73,7 @@ class Member:
 
 @dataclass(frozen=True)
 class Definition:
-    """One message type.
+    """A message type.
 
     :ivar comment: what it is, in one line.
     """

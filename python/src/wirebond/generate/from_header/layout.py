@@ -13,7 +13,7 @@ MAX_FIELDS = 512
 
 @dataclass(frozen=True)
 class Leaf:
-    """One field. ``count``: its elements; None for a single value. ``rest``: it takes what is left of the payload.
+    """A field. ``count``: its elements; None for a single value. ``rest``: it takes what is left of the payload.
 
     ``name`` is empty for padding. ``kind`` is its type in a protocol file, of a number without its width: `u`, `text`,
     `struct`; ``struct`` is what the last one holds.

@@ -1,4 +1,4 @@
-"""From C's names to a protocol file's, and what a struct's name says about its id and sender."""
+"""Converts C's names to a protocol file's, and finds the id and sender that a struct's name suggests."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class ServerRecordings:
-    """As ``Server.recordings``; the files are on the server's computer. Any thread. Each call raises ``UsageError``
+    """Like ``Server.recordings``; the files are on the server's computer. Any thread. Each call raises ``UsageError``
     where the server refuses, with its reason, and ``LinkDownError`` where it is away."""
 
     def __init__(self, engine: AttachedLink) -> None:

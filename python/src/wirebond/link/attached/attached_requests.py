@@ -19,8 +19,8 @@ TAKEN = -1  # in place of a request's number: the server's link itself asked
 
 
 class AttachedRequests(RequestBook):
-    """As the book of a link of one's own; any thread. Whose a reply is, the server decides, because other programs ask
-    the same MCU."""
+    """Tracks requests like a link with its own port; any thread. The server decides whose reply it is, because other
+    programs ask the same MCU."""
 
     def __init__(self, codec: Codec, end: End, engine: AttachedLink) -> None:
         super().__init__(codec, end)

@@ -21,7 +21,7 @@ from wirebond.link.stamps import ServersClock, Stamper, has_stamps
 
 
 class AttachedServices:
-    """As the services of a link of one's own. Any thread may ask."""
+    """The services of a link, over a server. Any thread may ask."""
 
     def __init__(self, codec: Codec, engine: AttachedLink, inbox: Inbox, place: str) -> None:
         self._codec = codec

@@ -95,7 +95,7 @@ class Beat(_Request, tag="beat"):
 
 
 class Send(_Request, tag="send"):
-    """One message, by its fields or as a frame. ``reply``: wait for its reply, this many seconds at most."""
+    """A message, by its fields or as a frame. ``reply``: wait for its reply, this many seconds at most."""
 
     message: str = ""
     fields: dict[str, Any] | None = None
@@ -107,7 +107,7 @@ class Send(_Request, tag="send"):
 
 
 class Repeat(_Request, tag="repeat"):
-    """As `Send`, repeated by the server for ``hold`` seconds."""
+    """Like `Send`, but repeated by the server for ``hold`` seconds."""
 
     message: str = ""
     fields: dict[str, Any] | None = None

@@ -22,7 +22,7 @@ class _Seen:
 
 
 class PtyNumber:
-    """As the engine's class of the same name: remembers where a path led. One thread at a time."""
+    """Remembers the target of a path, like the engine's class of the same name. One thread at a time."""
 
     def __init__(self) -> None:
         self._before: _Seen | None = None

@@ -27,7 +27,7 @@ class UsbInterface:
 
 @dataclass(frozen=True)
 class SerialPort:
-    """One serial port of this machine.
+    """A serial port of this machine.
 
     ``path`` is its device now; when it is plugged in again, it may get another one. ``by_id`` and ``by_path`` are
     udev's links to it, where there are any. ``usb`` is None if it is not a USB device. ``has_device`` is False if the

@@ -1,4 +1,4 @@
-"""One value of a message: from its syntax to the model, and what its keys mean together."""
+"""A value of a message: from its syntax to the model, and what its keys mean together."""
 
 from __future__ import annotations
 

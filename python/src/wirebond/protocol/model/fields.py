@@ -85,7 +85,7 @@ Default = float | int | bool | str | bytes | tuple[float | int | bool | str, ...
 
 @dataclass(frozen=True)
 class Field:
-    """One value of a message, or several.
+    """A value of a message, or several.
 
     ``value = wire * scale + offset`` for numbers.
 

@@ -194,7 +194,7 @@ class Condition:
 
     @property
     def comparisons(self) -> tuple[Comparison, ...]:
-        """All of them, those of conditions in it, too."""
+        """All header fields, those of conditions included."""
         found: list[Comparison] = []
         for term in self.terms:
             found += [term] if isinstance(term, Comparison) else term.comparisons
@@ -203,7 +203,7 @@ class Condition:
 
 @dataclass(frozen=True)
 class Part:
-    """One part of a frame, in wire order.
+    """A part of a frame, in wire order.
 
     ``size`` in bytes is 0 only for the payload, and for a check that has some bits of the part before it.
     """

@@ -58,7 +58,7 @@ class Constant(_Step):
 
 @dataclass(frozen=True)
 class Number(_Step):
-    """One number or bool, in whole bytes.
+    """A number or bool, in whole bytes.
 
     :ivar slot: see `Told`; None: it counts nothing.
     """

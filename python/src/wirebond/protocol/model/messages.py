@@ -31,7 +31,7 @@ class LogLevel(StrEnum):
 
 
 class MatchOf(StrEnum):
-    """What distinguishes a message's frames from those of others."""
+    """The values that distinguish a message's frames from those of others."""
 
     ID = "id"
     HEADER = "header"  # a header field, as bits on the wire

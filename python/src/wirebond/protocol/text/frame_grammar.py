@@ -78,7 +78,7 @@ def _payload(value: object) -> int | str:
 
 
 class PartSyntax(Syntax):
-    """One part of a frame: exactly one key that says which, and options."""
+    """A part of a frame: exactly one key that says which, and options."""
 
     name: Name | None = Field(
         None,

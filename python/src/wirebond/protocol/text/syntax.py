@@ -1,4 +1,4 @@
-"""From a file's tree of values to the grammar's models, with every error at its place in the file."""
+"""Converts a file's tree of values to the grammar's models, with every error at its place in the file."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from wirebond.protocol.text.scalars import describe, wrong
 
 
 class Syntax(BaseModel):
-    """One mapping of the file. Its errors are sentences in the file's words."""
+    """A mapping of the file. Its errors are sentences in the file's words."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
 

@@ -1,4 +1,4 @@
-"""One direction of a line: its newest bytes, the frames in them, and the bytes between frames. No thread, no clock."""
+"""A direction of a line: its newest bytes, the frames in them, and the bytes between frames. No thread, no clock."""
 
 from __future__ import annotations
 

@@ -150,7 +150,7 @@ def _memory(size: int) -> NDArray[np.uint8]:
 
 
 class Track:
-    """All rows that are kept of one message of one end.
+    """The kept rows of one message of one end.
 
     :param types: the columns, and how each is kept.
     :param interval: seconds between two of these messages, where the file says so.

@@ -19,7 +19,7 @@ _seconds, _nanoseconds = object(), object()  # the two numbers of a stamp
 
 
 class Tree:
-    """One message type that is being filled: values by name, trees by name, and trees by name and index."""
+    """A message type that is being filled: values by name, trees by name, and trees by name and index."""
 
     def __init__(self, type_: RosType) -> None:
         self.type = type_

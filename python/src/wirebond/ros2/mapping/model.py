@@ -89,7 +89,7 @@ class Wheels:
 
 @dataclass(frozen=True)
 class OdometryMapping:
-    """From ticks to a pose."""
+    """How ticks become a pose."""
 
     message: str
     left: str

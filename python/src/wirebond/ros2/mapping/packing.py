@@ -13,7 +13,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class PackedValue:
-    """One number of the topic that comes from the message.
+    """A number of the topic that comes from the message.
 
     :ivar at: its place in the topic's bytes.
     :ivar code: its type, as `struct` has it.

@@ -76,7 +76,7 @@ def _sent_by(protocol: Protocol, end: End) -> tuple[Message, ...]:
 
 
 class _Reader:
-    """One file. What is wrong is added to ``problems``, and left out of the result."""
+    """A file. What is wrong is added to ``problems``, and left out of the result."""
 
     def __init__(self, protocol: Protocol, problems: Problems) -> None:
         self.protocol = protocol

@@ -19,7 +19,7 @@ TEXT = "s"
 
 @dataclass(frozen=True)
 class Part:
-    """One field of a topic, in the order of its bytes.
+    """A field of a topic, in the order of its bytes.
 
     :ivar code: the type of a number, as `struct` has it; ``s``: a text; empty: a message, whose fields are ``inside``.
     :ivar slot: where its value is kept while the others are read; -1: nowhere.

@@ -23,7 +23,7 @@ class At:
 
 @dataclass(frozen=True)
 class AtRandom:
-    """So often, at times and for lengths that the seed draws."""
+    """This many times, at moments and for lengths drawn from the seed."""
 
     times: int
 

@@ -1,4 +1,4 @@
-"""One observation of an unknown check: the covered bytes, and the value."""
+"""An observation of an unknown check: the covered bytes, and the value."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ LEAST_SAMPLES = 4  # that differ
 
 
 class Sample(NamedTuple):
-    """One frame's covered bytes and the number where their check is."""
+    """A frame's covered bytes and the number where their check is."""
 
     covered: bytes
     value: int

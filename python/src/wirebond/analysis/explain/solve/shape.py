@@ -1,4 +1,5 @@
-"""How a CRC processes bytes and outputs its value: everything but its polynomial, first value and last steps."""
+"""The way in which a CRC processes bytes and outputs its value: everything but its polynomial, first value and last
+steps."""
 
 from __future__ import annotations
 

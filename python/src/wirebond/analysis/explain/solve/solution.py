@@ -1,4 +1,4 @@
-"""All kinds of check, tried on the samples, and how much the found one leaves to chance."""
+"""Tries all kinds of check on the samples, and computes the probability that the result fits by chance."""
 
 from __future__ import annotations
 

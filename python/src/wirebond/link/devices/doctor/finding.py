@@ -17,7 +17,7 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """One answer. ``port`` is the device's path, or None if it is about the machine.
+    """An answer. ``port`` is the device's path, or None if it is about the machine.
 
     ``cure`` are commands to copy, one after the other. ``then`` is what is still to be done by hand.
     """

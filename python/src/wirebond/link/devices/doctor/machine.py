@@ -54,7 +54,7 @@ class Machine:
 
     @cached_property
     def processes(self) -> list[Process]:
-        """All but this one."""
+        """The others."""
         return other_processes(self.root)
 
     def runs(self, name: str) -> Process | None:
