@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 from playwright.sync_api import Page, sync_playwright
 from tests.page.wire import Wire
+from tests.processes import below
 
 import wirebond
 from bench.console_page import FEEDER, FILL, LAYOUT, PROTOCOL, WATCH
@@ -143,7 +144,7 @@ def kept_memory(page: Page) -> int:
 def memory_of_browser() -> int:
     """Bytes that the processes below this one have for themselves (PSS), Chromium's alone."""
     total = 0
-    for process in _below(os.getpid()):
+    for process in below(os.getpid()):
         try:
             if "chrom" not in Path(f"/proc/{process}/comm").read_text():
                 continue
@@ -152,13 +153,6 @@ def memory_of_browser() -> int:
             continue  # it has ended meanwhile
         total += 1024 * int(next(line.split()[1] for line in rollup.splitlines() if line.startswith("Pss:")))
     return total
-
-
-def _below(process: int) -> Iterator[int]:
-    for task in Path(f"/proc/{process}/task").glob("*/children"):
-        for child in map(int, task.read_text().split()):
-            yield child
-            yield from _below(child)
 
 
 def page_bytes() -> int:

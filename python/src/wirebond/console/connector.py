@@ -98,11 +98,11 @@ class Connector:
     def choices(self) -> list[Path]:
         """Return the protocol files that can be chosen: the one that the console was started with, those of this
         folder, and those that come with the package."""
-        folder = paths.protocols()
-        folders = [Path.cwd(), Path.cwd() / "protocols", folder, folder / "contrib"]
-        found = [path for one in folders if one.is_dir() for path in sorted(one.glob("*.yaml"))]
+        here = [Path.cwd(), Path.cwd() / "protocols"]
+        found = [path for folder in here if folder.is_dir() for path in sorted(folder.glob("*.yaml"))]
         own = [] if self.options.may_save is None else [self.options.may_save]
-        return list(dict.fromkeys(path.resolve() for path in own + found if path.is_file()))
+        offered = [*own, *found, *paths.protocol_files()]
+        return list(dict.fromkeys(path.resolve() for path in offered if path.is_file()))
 
     # ---- inside
 

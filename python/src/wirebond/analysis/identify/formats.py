@@ -120,10 +120,10 @@ def known_formats(also: Iterable[Path] = ()) -> Known:
     """
     shipped = _shipped()
     known = Known(list(shipped.formats), dict(shipped.unreadable))
-    own = paths.protocols().resolve()
+    own = [folder.resolve() for folder in paths.protocol_folders()]
     seen = {Path(each.model.path).resolve() for each in known.formats}
     for place in also:
-        if place.resolve() not in (own, own / "contrib"):
+        if place.resolve() not in own:
             _add(known, place, seen, is_named=True)
     return known
 
@@ -132,9 +132,8 @@ def known_formats(also: Iterable[Path] = ()) -> Known:
 def _shipped() -> Known:
     """Return the formats of the package, read once."""
     known = Known()
-    own = paths.protocols()
-    for place in (own, own / "contrib"):
-        _add(known, place, set(), is_named=False)
+    for folder in paths.protocol_folders():
+        _add(known, folder, set(), is_named=False)
     return known
 
 

@@ -51,9 +51,7 @@ def parts_of(text: str) -> dict[str, int]:
 def shipped_formats() -> dict[str, Path]:
     """Return the protocol files that come with the package, by the names that ``wirebond identify`` prints. ``native``
     is left out: its template has a choice of parts."""
-    folder = paths.protocols()
-    files = sorted([*folder.glob("*.yaml"), *folder.glob("contrib/*.yaml")])
-    return {path.stem: path for path in files if path.stem not in TEMPLATES}
+    return {path.stem: path for path in paths.protocol_files() if path.stem not in TEMPLATES}
 
 
 def write_template(path: Path, template: str, parts: Mapping[str, int] | None = None) -> None:
