@@ -35,7 +35,7 @@ screenshots: build/setup-test.stamp ## pictures of the console into docs/images 
 	@$(PYTHON) -m tests.console.screenshots $(ARGS)
 
 .PHONY: test
-test: build/setup-test.stamp lint ## all tests but the long ones, in about twelve minutes
+test: build/setup-test.stamp lint ## all tests but the long ones, twenty minutes from a fresh clone
 	@$(PYTHON) -m tests.runner --workers $(WORKERS)
 
 .PHONY: test-paused
