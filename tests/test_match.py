@@ -294,7 +294,7 @@ def with_messages(messages: str, frame: str = LENGTH) -> str:
         (
             with_messages("  a: {id: 1, sender: host, match: {part: 1}, fields: {x: {struct: {part: {type: u8}}}, "
                           "y: {bits: {type: u8, fields: {part: {type: u8}}}}}}\n"),
-            "`part` can be `x.part` or `y.part` of this message; write which one, with its whole path",
+            "`part` could be `x.part` or `y.part` in this message; write the whole path of the one you mean",
         ),
         (
             with_messages("  a: {id: 1, sender: host, match: {part: 1, x.part: 2}, fields: {x: {struct: {part: "

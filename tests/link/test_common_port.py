@@ -257,7 +257,7 @@ def test_a_server_for_each_file(pty: PtyPort, tmp_path: Path, monkeypatch: pytes
     [
         (["--name", "gps"], "--name is for one protocol file, and there are 2"),
         (["--record", "run.mcap"], r"--record is for one .* run `wirebond record"),
-        (["--tcp", "127.0.0.1:65535", "--seconds", "1"], "no port follows it for the next"),
+        (["--tcp", "127.0.0.1:65535", "--seconds", "1"], "each file takes a port of its own"),
         (["--ros2"], "--ros2 is for one"),
         (["--mapping", "topics.yaml"], "--mapping is for one"),
     ],
@@ -267,7 +267,7 @@ def test_options_of_one_server(options: list[str], sentence: str, capsys: pytest
     assert main(["serve", *files, "/dev/none", *options]) == 2
     assert re.search(sentence, " ".join(capsys.readouterr().err.split()))
     assert main(["serve", files[0], files[0], "/dev/none"]) == 2
-    assert "two of the files are of the protocol ubx" in " ".join(capsys.readouterr().err.split())
+    assert "two of the files have the protocol ubx" in " ".join(capsys.readouterr().err.split())
 
 
 def test_the_line_has_one_baud_rate(pty: PtyPort) -> None:

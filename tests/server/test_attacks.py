@@ -165,7 +165,7 @@ def test_recordings_that_no_client_takes_are_bounded_for_all_together(served: Se
     with ExitStack() as stack:
         links = [stack.enter_context(served.attach()) for _ in range(5)]
         taps = [link.tap(4 * TAP_BYTES) for link in links[:4] for _ in range(4)]
-        with pytest.raises(wirebond.UsageError, match="recordings of all clients hold 268435456 bytes already"):
+        with pytest.raises(wirebond.UsageError, match="the recordings of all clients already hold 268435456 of"):
             links[4].tap(4 * TAP_BYTES)
         taps[0].close()
         links[4].tap(4 * TAP_BYTES)

@@ -289,9 +289,9 @@ def test_command_names_both_ends_and_accounts_for_every_byte(
         (["--line", "9N1"], "--line 9N1: expected data bits, parity and stop bits, such as 8N1 or 8N2"),
         (["--unplug", "2"], "--unplug 2: expected AT:FOR in seconds, such as 2:0.5"),
         (["--unplug", "2:x"], "--unplug 2:x: expected AT:FOR"),
-        (["--drops", "0.2"], "--drops 0.2: expected a chance from 0 to 0.1"),
+        (["--drops", "0.2"], "--drops 0.2: expected a probability from 0 to 0.1"),
         (["--baud", "20"], "--baud 20: expected 300 to 100000000"),
-        (["--jitter", "2", "--batch", "1"], "--jitter is how much later than its --batch an adapter hands over"),
+        (["--jitter", "2", "--batch", "1"], "--jitter is the delay that an adapter adds to its --batch"),
     ],
 )
 def test_options_out_of_range_are_refused(

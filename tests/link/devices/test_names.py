@@ -148,7 +148,7 @@ def test_a_device_whose_file_is_missing(machine):
     machine.usb_serial("ttyUSB0", "1-1", "10c4:ea60", has_file=False)
     error = refused("usb:10c4:ea60", machine)
     assert error.errno == errno.ENOENT
-    assert "is plugged in, but there is no /dev/ttyUSB0 here; a container must be given the device" in str(error)
+    assert "is plugged in, but there is no /dev/ttyUSB0 here; pass the device to the container" in str(error)
 
 
 @pytest.mark.parametrize("folder", ["by-id", "by-path"])

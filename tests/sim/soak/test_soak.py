@@ -139,7 +139,7 @@ def test_command_prints_json_and_writes_a_report(tmp_path: Path, capsys: pytest.
         ("--load=0", "--load 0: expected 0.01 to 20 times the capacity of the line, or `seed`"),
         ("--load=much", "--load much: expected 0.01 to 20"),
         ("--minutes=0", "--minutes 0: expected more than 0, and 300 at most"),
-        ("--ber=0.5", "--ber 0.5: expected a chance from 0 to 0.1, such as 1e-5"),
+        ("--ber=0.5", "--ber 0.5: expected a probability from 0 to 0.1, such as 1e-5"),
         ("--baud=1", "--baud 1: expected 300 to 100000000"),
         ("--jitter=2", "--jitter 2: expected at most 1 ms"),
     ],

@@ -63,7 +63,7 @@ def parse_addresses(protocol: Protocol, words: list[str]) -> tuple[int | str, ..
     if not words:
         return ()
     if place is None:
-        raise UsageError(f"frames of {protocol.name} do not say for whom they are (`address:`); remove --address")
+        raise UsageError(f"frames of {protocol.name} carry no address (`address:`); remove --address")
     field = plan.header[place].value
     values = [_parse_one(field, word) for word in words]
     for value in values:

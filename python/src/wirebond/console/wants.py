@@ -115,7 +115,7 @@ def _check(views: Views) -> None:
     if len(views.plots) > MOST_PLOTS or sum(len(plot.fields) for plot in views.plots) > MOST_FIELDS:
         raise UsageError(f"there are more than {MOST_PLOTS} plots, or more than {MOST_FIELDS} fields in them")
     if len({plot.id for plot in views.plots}) != len(views.plots):
-        raise UsageError("two plots have one id; give each its own")
+        raise UsageError("two plots have the same id; give each its own")
     for plot in views.plots:
         if plot.seconds is None and (plot.begin is None or plot.to is None or not plot.begin < plot.to):
             raise UsageError(f"the plot {plot.id!r:.40} needs `seconds`, or `from` before `to`")

@@ -286,7 +286,7 @@ class Parameters:
         of = dict(self._answered.enum).get(fields["index"], fields["index"])
         if of != index:
             raise ParameterError(
-                f"the MCU answered for parameter {fields['index']}, and {parameter} was asked; check its firmware",
+                f"the MCU answered for parameter {fields['index']} instead of {parameter}; check its firmware",
                 parameter=str(parameter),
                 reason="wrong_index",
             )

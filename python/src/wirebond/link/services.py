@@ -134,7 +134,7 @@ class Services:
         if self._clock is None:
             if self._place.startswith("replay:"):
                 raise UsageError(
-                    "a replay asks no MCU for its clock; message.stamp is known where the recorded link asked it"
+                    "a replay has no MCU to ask for its clock; message.stamp is known where the recorded link asked"
                 )
             raise UsageError("this link does not follow the MCU's clock; open it with clock_sync=True")
         if self._clock.sync is None:

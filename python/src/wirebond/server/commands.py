@@ -340,7 +340,7 @@ class Commands:
                 held = sum(sum(each.taps.values()) for each in self._server.clients.values())
                 if held + request.capacity > _MOST_TAP_BYTES_IN_ALL:
                     raise UsageError(
-                        f"recordings of all clients hold {held} bytes already, of {_MOST_TAP_BYTES_IN_ALL} at most; "
+                        f"the recordings of all clients already hold {held} of at most {_MOST_TAP_BYTES_IN_ALL} bytes; "
                         "close one of them"
                     )
                 tap = engine.open_tap(request.capacity)

@@ -29,7 +29,7 @@ class LineFaults:
         for name in ("ber", "bursts", "drops", "inserts", "splits"):
             chance = getattr(self, name)
             if not 0 <= chance <= _MOST:
-                raise UsageError(f"--{name} {chance:g}: expected a chance from 0 to {_MOST:g}, such as 1e-5")
+                raise UsageError(f"--{name} {chance:g}: expected a probability from 0 to {_MOST:g}, such as 1e-5")
 
     def fault_arguments(self) -> list[str]:
         chances = {

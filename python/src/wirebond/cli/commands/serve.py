@@ -140,7 +140,7 @@ def _refuse_for_several(given: Serving, codecs: Sequence[Codec]) -> None:
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise UsageError(
-            f"two of the files are of the protocol {twice[0]}; programs attach by its name: give one of them"
+            f"two of the files have the protocol {twice[0]}, by whose name programs attach; give only one of them"
         )
     for is_given, option, instead in (
         (given.name is not None, "--name", f"programs attach by the names of the protocols: {', '.join(names)}"),
@@ -169,7 +169,7 @@ def _behind(address: tuple[str, int] | None, number: int) -> tuple[str, int] | N
         return address
     if address[1] + number > 65535:
         raise UsageError(
-            f"the port {address[1]} is for the first file, and no port follows it for the next; give another"
+            f"each file takes a port of its own, from {address[1]} on, and ports end at 65535; give a lower one"
         )
     return address[0], address[1] + number
 

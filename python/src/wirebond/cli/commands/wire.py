@@ -63,7 +63,7 @@ def join_ptys(a: Path, b: Path, settings: WireSettings, seconds: float | None, a
         if not settings.baud / 1000 <= settings.baud_b <= settings.baud * 1000:
             raise UsageError(f"--baud-b is {settings.baud_b}; expected at most 1000 times away from {settings.baud}")
     if settings.jitter > settings.batch:
-        raise UsageError("--jitter is how much later than its --batch an adapter hands over: at most as long as that")
+        raise UsageError("--jitter is the delay that an adapter adds to its --batch; give at most the time of --batch")
     if a.absolute() == b.absolute():
         raise UsageError(f"both ends have the name {a}; name two files, such as /tmp/a /tmp/b")
     with WireProcess(settings) as wire, symlinked(wire.a, a) as name_a, symlinked(wire.b, b) as name_b:

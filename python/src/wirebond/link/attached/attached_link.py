@@ -561,7 +561,7 @@ class AttachedLink:
                 "without a file"
             )
         if welcome.role != self._end:
-            raise UsageError(f"{self._address.text} plays the {welcome.role}, not the {self._end}; leave out role=")
+            raise UsageError(f"{self._address.text} is the {welcome.role}, not the {self._end}; leave out role=")
 
     def _disconnect(self, why: str) -> None:
         with self._lock:

@@ -132,7 +132,7 @@ def _only_one(wanted: _Wanted, ports: list[SerialPort]) -> str:
     if fitting:
         path = fitting[0].path
         raise PortError(
-            f"{wanted.name} is plugged in, but there is no {path} here; a container must be given the device: "
+            f"{wanted.name} is plugged in, but there is no {path} here; pass the device to the container: "
             f"`wirebond doctor {wanted.name}` says how",
             errno.ENOENT,
             wanted.name,

@@ -154,7 +154,7 @@ def ranges_of(
             if value > most:
                 raise Fault(f"{what} has {width} bits, and {word} does not fit; the maximum is {most}")
             if text.mask is not None and low is high and value & ~text.mask:
-                raise Fault(f"{word} has bits that 0x{text.mask:02X} does not select; this never holds")
+                raise Fault(f"{word} has bits that 0x{text.mask:02X} does not select; this is never true")
         if start > stop:
             raise Fault(f"the range {low}..{high} is empty; write the smaller bound first")
         ranges.append((start, stop))

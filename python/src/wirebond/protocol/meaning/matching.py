@@ -143,7 +143,7 @@ class _Reader:
     def _of_path(self, text: MatchText, name: str, paths: list[str], numbers: _Numbers) -> Match:
         if len(paths) > 1:
             listed = " or ".join(f"`{path}`" for path in paths)
-            raise Fault(f"`{name}` can be {listed} of this message; write which one, with its whole path")
+            raise Fault(f"`{name}` could be {listed} in this message; write the whole path of the one you mean")
         path = paths[0]
         if any(match.of == MatchOf.PAYLOAD and match.name == path for match in self.message.match):
             raise Fault(f"`{path}` is matched twice; write it once")

@@ -126,7 +126,7 @@ def one_of_numbers(*allowed: float) -> Callable[[object], float]:
 
 def _exact(value: object) -> Fraction:
     if isinstance(value, str) and re.fullmatch(r"[-+]?[0-9]+,[0-9]+", value):
-        raise wrong(f"{describe(value)} is not a number; write a point for the comma: {value.replace(',', '.')}")
+        raise wrong(f"{describe(value)} is not a number; write a point instead of the comma: {value.replace(',', '.')}")
     if not isinstance(value, Number):
         raise wrong(f"{describe(value)} is not a number; write a decimal, such as 0.001")
     if not math.isfinite(value.value):
@@ -332,13 +332,13 @@ def _seconds(value: object, *, rates: bool) -> float:
     elif unit in _UNITS:
         seconds = number * _UNITS[unit]
     elif unit == "Hz" and number > 0:
-        raise wrong(f"{describe(value)} is a rate, and a duration belongs here; {advice}")
+        raise wrong(f"{describe(value)} is a rate, but a duration is expected here; {advice}")
     elif unit == "Hz":
         raise wrong(f"{describe(value)} means never; leave the key out")
     else:
         raise wrong(f"{quoted(unit)} is not a unit of time; {advice}")
     if not MIN_SECONDS <= seconds <= MAX_SECONDS:
-        raise wrong(f"{describe(value)} is out of range; possible are 1 us to {MAX_SECONDS} s")
+        raise wrong(f"{describe(value)} is out of range; write 1 us to {MAX_SECONDS} s")
     return float(seconds)
 
 
