@@ -137,7 +137,7 @@ def test_a_value_of_another_type_or_out_of_the_files_range_is_not_sent(value: ob
 
 def test_an_answer_for_another_parameter_is_none() -> None:
     with linked(NAMED, lambda _: NAMED.encode("value", index=1, value=3, result=0)) as (link, _):
-        with pytest.raises(ParameterError, match="the MCU answered for parameter 1, and kp was asked") as caught:
+        with pytest.raises(ParameterError, match="the MCU answered for parameter 1 instead of kp") as caught:
             link.parameters.get("kp")
         assert caught.value.reason == "wrong_index"
 
