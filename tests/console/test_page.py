@@ -82,6 +82,18 @@ def test_a_value_is_one_click_from_its_bytes_and_their_meaning(rover: Desk) -> N
     assert page.locator("tr", has_text="odometry").first.locator(".fields").inner_text() == frozen
 
 
+@pytest.mark.parametrize("place", ["header", "main"])
+def test_the_arrow_keys_drive_when_control_was_taken(rover: Desk, place: str) -> None:
+    page = rover.page("control")
+    pad = page.get_by_role("application")
+    take = page.locator(place).get_by_role("button", name="Take control")
+    press(page, take, page.get_by_text("You are in control").is_visible, "control")
+    expect(pad).to_be_focused()
+    page.keyboard.press("1")
+    page.keyboard.press("4")
+    expect(pad).to_be_focused()
+
+
 def test_the_pad_drives_while_a_key_is_held_and_stops_when_it_is_let_go(rover: Desk) -> None:
     page = rover.page("control")
     pad = page.get_by_role("application")
